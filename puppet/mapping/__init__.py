@@ -1,0 +1,1 @@
+"""How a human body drives an armature: scores, assignment, drive."""

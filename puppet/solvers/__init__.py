@@ -1,0 +1,1 @@
+"""From what a mapping asks to a pose: kernels over flat arrays."""

@@ -1,0 +1,1 @@
+"""Sources of skeleton frames, conditioning, and recording."""

@@ -1,0 +1,48 @@
+"""What every source is: an iterable of skeleton frames with a description of itself."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Protocol
+
+from puppet.skeleton import SkeletonFrame
+
+#: The plane ``normal · p + distance = 0`` in the stage frame, normal pointing up: (nx, ny, nz, d).
+Plane = tuple[float, float, float, float]
+
+
+@dataclass(frozen=True, slots=True)
+class SourceInfo:
+    """What a source says of itself; a take keeps it as metadata.
+
+    name: for people, "webcam:0", "cam01.mp4". kind: "video", "webcam", "kinect1-csv", "rehearsal".
+    rate: nominal frames a second. synthetic: no person was there. live: frames come in real time
+    and cannot be asked for again. floor: the floor plane, where it is known. note: one line.
+    """
+
+    name: str
+    kind: str
+    rate: float
+    synthetic: bool = False
+    live: bool = False
+    floor: Plane | None = None
+    note: str = ""
+    licence: str = ""
+
+
+class Source(Protocol):
+    """Frames in capture order. A live source blocks until its next frame; others never wait."""
+
+    @property
+    def info(self) -> SourceInfo: ...
+
+    def __len__(self) -> int:
+        """How many frames there are; 0 if that cannot be known."""
+        ...
+
+    def __iter__(self) -> Iterator[SkeletonFrame]: ...
+
+    def close(self) -> None:
+        """Let go of the device or file. May be called twice."""
+        ...
