@@ -1,0 +1,172 @@
+"""FK drive: a set of pairs and a neutral stance become a mapping, frame to intent."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from typing import Final
+
+import numpy as np
+
+from puppet.armature import Armature
+from puppet.kernel import Floats, Ints, frozen
+from puppet.mapping.proposal import Pair
+from puppet.mapping.stance import CARRIERS, Stance, measure_into
+from puppet.pose import Intent, Pose
+from puppet.rotation import multiply, rotate
+from puppet.skeleton import HUMAN_BONES, Joint, SkeletonFrame
+from puppet.solvers.retarget import retarget
+
+#: How far each human bone swings from hanging or standing, degrees; ordinary, not athletic, ranges.
+HUMAN_RANGES: Final = {
+    "pelvis": 60.0,
+    "chest": 60.0,
+    "head": 50.0,
+    "shoulder": 25.0,
+    "upper_arm": 170.0,
+    "forearm": 145.0,
+    "hand": 70.0,
+    "thigh": 100.0,
+    "shin": 130.0,
+    "foot": 45.0,
+}
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Placement:
+    """Where a puppet stands and how it follows the performer about.
+
+    position: (3,) metres, world. yaw: radians about +Y. follow: (3,) how many metres the puppet
+    goes for each metre of the performer's hip, along the performer's own left, up and forward.
+    turn: how much of the performer's turning on the spot it takes over, 0..1.
+    grounded: whether it stands on the floor, and so never sinks when the performer squats.
+    """
+
+    position: Floats = field(default_factory=lambda: np.zeros(3))
+    yaw: float = 0.0
+    follow: Floats = field(default_factory=lambda: np.zeros(3))
+    turn: float = 1.0
+    grounded: bool = False
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Plan:
+    """The constants of the kernel, worked out once for a set of pairs."""
+
+    humans: Ints
+    anchors: Ints
+    path_starts: Ints
+    path: Ints
+    gains: Floats
+
+
+class ForwardDrive:
+    """A `Mapping`: each mapped bone turns as its human bone turns from the neutral stance.
+
+    Pure: the same frame gives the same intent. A bone without a partner keeps its rest rotation
+    in its parent. Where the armature limits a bone, the human range is scaled into the limit.
+    """
+
+    def __init__(
+        self,
+        armature: Armature,
+        pairs: Iterable[Pair],
+        neutral: Stance,
+        placement: Placement | None = None,
+    ) -> None:
+        self.armature = armature
+        self.pairs = tuple(pairs)
+        self.neutral = neutral
+        self.placement = placement or Placement()
+        self._plan = _plan(armature, self.pairs)
+        self._place_rotation = _yaw(self.placement.yaw)
+
+    def with_neutral(self, neutral: Stance) -> ForwardDrive:
+        """The same mapping, counted from another neutral stance."""
+        return ForwardDrive(self.armature, self.pairs, neutral, self.placement)
+
+    def __call__(self, frame: SkeletonFrame) -> Intent:
+        count = len(HUMAN_BONES)
+        swings, frames = np.empty((count, 4)), np.empty((count, 4))
+        heading = measure_into(frame.positions, swings, frames)
+        bones, turned = np.empty((len(self.armature), 4)), np.empty((len(self.armature), 4))
+        plan, neutral = self._plan, self.neutral
+        retarget(
+            swings,
+            neutral.swings,
+            neutral.frames,
+            np.minimum(frame.influence[_STARTS], frame.influence[_ENDS]),
+            CARRIERS,
+            self.armature.parents,
+            self.armature.rest[1],
+            self.armature.rotations,
+            plan.humans,
+            plan.anchors,
+            plan.path_starts,
+            plan.path,
+            plan.gains,
+            turned,
+            bones,
+        )
+        translation, rotation = self._root(frame, heading)
+        return Intent(Pose(translation, rotation, bones))
+
+    def _root(self, frame: SkeletonFrame, heading: float) -> tuple[Floats, Floats]:
+        """World translation (3,) and rotation (4,): the placement, then the performer's own way."""
+        place, neutral = self.placement, self.neutral
+        trust = float(frame.influence[Joint.HIP_CENTER])
+        turned = math.remainder(heading - neutral.heading, 2.0 * math.pi)
+        moved = rotate(_yaw(-neutral.heading), frame.positions[Joint.HIP_CENTER] - neutral.hip)
+        moved = moved * place.follow * trust
+        if place.grounded:
+            moved[1] = max(moved[1], 0.0)
+        translation = place.position + rotate(self._place_rotation, moved)
+        return translation, multiply(self._place_rotation, _yaw(turned * place.turn * trust))
+
+
+def _yaw(angle: float) -> Floats:
+    return np.array([0.0, math.sin(0.5 * angle), 0.0, math.cos(0.5 * angle)])
+
+
+_STARTS: Final = frozen([bone.start for bone in HUMAN_BONES], np.int32)
+_ENDS: Final = frozen([bone.end for bone in HUMAN_BONES], np.int32)
+
+
+def _carriers_of(human: int) -> list[int]:
+    """The human bone and all that carry it, from the body outwards."""
+    chain = [human]
+    while CARRIERS[chain[-1]] >= 0:
+        chain.append(int(CARRIERS[chain[-1]]))
+    return chain[::-1]
+
+
+def _plan(armature: Armature, pairs: Iterable[Pair]) -> _Plan:
+    count = len(armature)
+    humans = np.full(count, -1, np.int32)
+    for pair in pairs:
+        humans[pair.bone] = pair.human
+    anchors = np.full(count, -1, np.int32)
+    gains = np.ones(count)
+    path: list[int] = []
+    starts = [0]
+    for bone in range(count):
+        if humans[bone] >= 0:
+            human = int(humans[bone])
+            carriers = _carriers_of(human)
+            ancestor = int(armature.parents[bone])
+            while ancestor >= 0 and humans[ancestor] not in carriers[:-1]:
+                ancestor = int(armature.parents[ancestor])
+            anchors[bone] = ancestor
+            first = 0 if ancestor < 0 else carriers.index(int(humans[ancestor])) + 1
+            path += carriers[first:]
+            human_range = math.radians(HUMAN_RANGES[HUMAN_BONES[human].name.split(".")[0]])
+            gains[bone] = min(1.0, float(armature.limits[bone]) / human_range)
+        starts.append(len(path))
+    return _Plan(
+        frozen(humans, np.int32),
+        frozen(anchors, np.int32),
+        frozen(starts, np.int32),
+        frozen(path, np.int32),
+        frozen(gains),
+    )

@@ -1,0 +1,180 @@
+"""Conditioning: raw joints to joints that may drive a puppet.
+
+* One Euro (Casiez 2012) on every joint: still joints are smoothed, quick ones are let through.
+* A joint's state is respected. An inferred joint moves less freely. A lost joint holds its place on
+  the body, and after a while its influence fades, so that what it drives eases to rest; when it
+  comes back it takes over gradually.
+
+All of it runs on capture time, so a take gives the same frames however fast it is replayed.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+import msgspec
+import numpy as np
+
+from puppet.kernel import Bytes, Floats, Ints, frozen, kernel
+from puppet.skeleton import JOINT_COUNT, JOINT_PARENTS, SkeletonFrame
+
+_PARENTS: Final[Ints] = frozen(JOINT_PARENTS, np.int32)
+#: Longer silences than this are not filtered across: the joints start anew where they are seen.
+_LONGEST_STEP: Final = 0.25
+
+
+class ConditioningConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """Knobs of conditioning; every one of them a half-life or a time in seconds.
+
+    smoothing: half-life of a joint at rest. quickness: how much sooner a fast joint is followed:
+        at 1 m/s its half-life is divided by 1 + quickness.
+    inferred: how many times slower an inferred joint is followed.
+    hold: how long a lost joint keeps its place before its influence fades.
+    fade: half-life of the fading. regain: half-life of taking over again.
+    """
+
+    smoothing: float = 0.06
+    quickness: float = 8.0
+    inferred: float = 4.0
+    hold: float = 0.5
+    fade: float = 0.35
+    regain: float = 0.12
+
+    def __post_init__(self) -> None:
+        for name in self.__struct_fields__:
+            value = getattr(self, name)
+            if not (math.isfinite(value) and value >= 0.0):
+                raise ValueError(f"{name} must be a number from 0 up, not {value}")
+
+
+@kernel
+def _blend(half_life: float, dt: float) -> float:
+    """The share of the way that is gone in `dt`."""
+    return 1.0 - 2.0 ** (-dt / half_life) if half_life > 1e-6 else 1.0
+
+
+@kernel
+def _step(
+    positions: Floats,
+    states: Bytes,
+    dt: float,
+    parents: Ints,
+    knobs: Floats,
+    held: Floats,
+    speed: Floats,
+    trust: Floats,
+    lost: Floats,
+    influence: Floats,
+) -> None:
+    """Advance all joints by `dt`: `held`, `speed`, `trust`, `lost`, `influence` are the memory.
+
+    positions, held: (20, 3). speed: (20,) smoothed, m/s. trust: (20,) 0..1, how freely a joint may
+    move now. lost: (20,) seconds without the joint. influence: (20,) 0..1.
+    """
+    smoothing, quickness, slower = knobs[0], knobs[1], knobs[2]
+    hold, fade, regain = knobs[3], knobs[4], knobs[5]
+    before = held.copy()
+    for joint in range(len(parents)):
+        if states[joint] == 0:
+            lost[joint] += dt
+            trust[joint] = 0.0
+            speed[joint] = 0.0
+            if lost[joint] > hold:
+                influence[joint] -= influence[joint] * _blend(fade, dt)
+            parent = parents[joint]
+            if parent >= 0:  # parents come first: they are already where they are now
+                held[joint] = before[joint] + held[parent] - before[parent]
+            continue
+        lost[joint] = 0.0
+        freedom = 1.0 if states[joint] == 2 else 1.0 / slower
+        trust[joint] += (freedom - trust[joint]) * _blend(regain, dt)
+        influence[joint] += (1.0 - influence[joint]) * _blend(regain, dt)
+        step = positions[joint] - held[joint]
+        rate = math.sqrt(step[0] ** 2 + step[1] ** 2 + step[2] ** 2) / dt
+        speed[joint] += (rate - speed[joint]) * _blend(smoothing, dt)
+        quick = 1.0 + quickness * speed[joint]
+        # A joint that was just found again is trusted little: it closes in, it does not jump.
+        half_life = smoothing / (quick * max(trust[joint], 0.02) ** 2)
+        held[joint] = before[joint] + step * _blend(half_life, dt)
+
+
+class Conditioner:
+    """The memory of one performer's joints."""
+
+    def __init__(self, config: ConditioningConfig | None = None) -> None:
+        config = config or ConditioningConfig()
+        self._knobs = np.array(
+            [
+                config.smoothing,
+                config.quickness,
+                max(config.inferred, 1.0),
+                config.hold,
+                config.fade,
+                config.regain,
+            ]
+        )
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget the performer."""
+        self._time: float | None = None
+        self._held = np.zeros((JOINT_COUNT, 3))
+        self._speed = np.zeros(JOINT_COUNT)
+        self._trust = np.zeros(JOINT_COUNT)
+        self._lost = np.zeros(JOINT_COUNT)
+        self._influence = np.zeros(JOINT_COUNT)
+
+    def __call__(self, frame: SkeletonFrame) -> SkeletonFrame:
+        """The frame with smoothed positions and the influence of each joint.
+
+        Before anybody was seen the frame goes through with an influence of 0. A frame that is not
+        later than the one before it changes nothing.
+        """
+        if self._time is None:
+            if not frame.present:
+                return self._result(frame, frame.positions)
+            self._begin(frame)
+            return self._result(frame, self._held)
+        dt = frame.time - self._time
+        if dt > 1e-6:
+            self._time = frame.time
+            if dt > _LONGEST_STEP and frame.present and bool((self._influence < 0.05).all()):
+                self._begin(frame)  # nothing is driven by the old place any more
+            else:
+                _step(
+                    np.ascontiguousarray(frame.positions),
+                    frame.states,
+                    dt,
+                    _PARENTS,
+                    self._knobs,
+                    self._held,
+                    self._speed,
+                    self._trust,
+                    self._lost,
+                    self._influence,
+                )
+        return self._result(frame, self._held)
+
+    def _begin(self, frame: SkeletonFrame) -> None:
+        seen = frame.states > 0
+        self._time = frame.time
+        self._held[:] = frame.positions
+        for joint, parent in enumerate(JOINT_PARENTS):
+            if not seen[joint] and parent >= 0:
+                self._held[joint] = self._held[parent]
+        self._trust[:] = np.where(seen, 1.0, 0.0)
+        self._lost[:] = 0.0
+        self._speed[:] = 0.0
+        # The puppet stands at rest until now: whoever appears takes over from there gradually.
+        self._influence[:] = 0.0
+
+    def _result(self, frame: SkeletonFrame, positions: Floats) -> SkeletonFrame:
+        return SkeletonFrame(
+            frame.time,
+            frame.sequence,
+            frame.performer,
+            positions.copy(),
+            frame.states,
+            self._influence.copy(),
+        )
