@@ -2,7 +2,8 @@
 
 The way of a frame::
 
-    source ──SkeletonFrame──▶ condition ──▶ mapping ──Intent──▶ solver ──Pose──▶ finishers ──▶ viewer
+    source ──SkeletonFrame──▶ condition ──▶ mapping ──Intent──▶ solver ──Pose──▶ finishers
+                                                                                  └─▶ viewer
 """
 
 __version__ = "0.1.0"

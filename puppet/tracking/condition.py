@@ -13,39 +13,15 @@ from __future__ import annotations
 import math
 from typing import Final
 
-import msgspec
 import numpy as np
 
 from puppet.kernel import Bytes, Floats, Ints, frozen, kernel
+from puppet.show import ConditioningConfig
 from puppet.skeleton import JOINT_COUNT, JOINT_PARENTS, SkeletonFrame
 
 _PARENTS: Final[Ints] = frozen(JOINT_PARENTS, np.int32)
 #: Longer silences than this are not filtered across: the joints start anew where they are seen.
 _LONGEST_STEP: Final = 0.25
-
-
-class ConditioningConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """Knobs of conditioning; every one of them a half-life or a time in seconds.
-
-    smoothing: half-life of a joint at rest. quickness: how much sooner a fast joint is followed:
-        at 1 m/s its half-life is divided by 1 + quickness.
-    inferred: how many times slower an inferred joint is followed.
-    hold: how long a lost joint keeps its place before its influence fades.
-    fade: half-life of the fading. regain: half-life of taking over again.
-    """
-
-    smoothing: float = 0.06
-    quickness: float = 8.0
-    inferred: float = 4.0
-    hold: float = 0.5
-    fade: float = 0.35
-    regain: float = 0.12
-
-    def __post_init__(self) -> None:
-        for name in self.__struct_fields__:
-            value = getattr(self, name)
-            if not (math.isfinite(value) and value >= 0.0):
-                raise ValueError(f"{name} must be a number from 0 up, not {value}")
 
 
 @kernel

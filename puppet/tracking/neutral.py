@@ -22,12 +22,19 @@ STILL_WITHIN: Final = 0.06
 #: Radians by which a hanging upper arm, a thigh or the trunk may lean.
 LEAN: Final = math.radians(30.0)
 
-_NEEDED: Final = tuple(
-    Joint[name]
-    for name in (
-        "HIP_CENTER SHOULDER_CENTER SHOULDER_LEFT SHOULDER_RIGHT ELBOW_LEFT ELBOW_RIGHT "
-        "WRIST_LEFT WRIST_RIGHT HIP_LEFT HIP_RIGHT KNEE_LEFT KNEE_RIGHT"
-    ).split()
+_NEEDED: Final = (
+    Joint.HIP_CENTER,
+    Joint.SHOULDER_CENTER,
+    Joint.SHOULDER_LEFT,
+    Joint.SHOULDER_RIGHT,
+    Joint.ELBOW_LEFT,
+    Joint.ELBOW_RIGHT,
+    Joint.WRIST_LEFT,
+    Joint.WRIST_RIGHT,
+    Joint.HIP_LEFT,
+    Joint.HIP_RIGHT,
+    Joint.KNEE_LEFT,
+    Joint.KNEE_RIGHT,
 )
 _HANGING: Final = (
     (Joint.SHOULDER_CENTER, Joint.HIP_CENTER),

@@ -24,7 +24,7 @@ from mcap.writer import CompressionType, Writer
 from puppet import __version__
 from puppet.errors import BadFileError
 from puppet.skeleton import JOINT_COUNT, JOINT_NAMES, SkeletonFrame
-from puppet.tracking.source import Plane, SourceInfo
+from puppet.tracking.source import SourceInfo
 
 FORMAT_VERSION: Final = 1
 TOPIC: Final = "/skeleton"
@@ -87,9 +87,7 @@ class TakeWriter:
         self._file: BinaryIO = path.open("wb")
         # The library closes a chunk by size only: about half a second of frames.
         chunk_size = int(max(info.rate, 1.0) * CHUNK_SECONDS * FRAME_BYTES)
-        self._writer = Writer(
-            self._file, chunk_size=chunk_size, compression=CompressionType.ZSTD
-        )
+        self._writer = Writer(self._file, chunk_size=chunk_size, compression=CompressionType.ZSTD)
         self._writer.start(profile="", library=f"puppet {__version__}")
         schema = self._writer.register_schema(
             name=SCHEMA_NAME, encoding="jsonschema", data=json.dumps(SCHEMA).encode()
@@ -127,7 +125,7 @@ class TakeWriter:
     def close(self) -> None:
         """Finish the file: summary, index and footer. May be called twice."""
         if not self._file.closed:
-            self._writer.finish()
+            self._writer.finish()  # type: ignore[no-untyped-call]
             self._file.close()
 
     def __enter__(self) -> Self:
@@ -302,7 +300,7 @@ def _info(path: Path, metadata: dict[str, str]) -> SourceInfo:
         kind=metadata.get("kind", "take"),
         rate=rate,
         synthetic=metadata.get("synthetic") == "true",
-        floor=cast("Plane", floor) if len(floor) == 4 else None,
+        floor=floor if len(floor) == 4 else None,
         note=metadata.get("note", ""),
         licence=metadata.get("licence", ""),
     )

@@ -1,0 +1,5 @@
+"""`python -m puppet`."""
+
+from puppet.cli import main
+
+main()

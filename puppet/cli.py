@@ -1,0 +1,207 @@
+"""The command line. Nothing heavy is imported before a command needs it."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from puppet import __version__
+from puppet.errors import PuppetError
+
+app = typer.Typer(
+    help="A person moves before a camera, and puppets of any shape move with them.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    rich_markup_mode=None,
+)
+
+ShowFile = Annotated[Path, typer.Argument(help="The show, a .toml (see configs/shows).")]
+Port = Annotated[
+    int | None,
+    typer.Option(help="Use this port on 127.0.0.1 for the bus instead of the show's."),
+]
+
+
+def main() -> None:
+    """Run a command; errors that people can mend are told, not traced."""
+    try:
+        app(standalone_mode=True)
+    except PuppetError as error:
+        _say(f"puppet: {error}")
+        sys.exit(2)
+
+
+def _say(text: str) -> None:
+    sys.stderr.write(text + "\n")
+    sys.stderr.flush()
+
+
+@app.callback(invoke_without_command=True)
+def _root(
+    version: Annotated[bool, typer.Option("--version", help="Print the version.")] = False,
+) -> None:
+    if version:
+        typer.echo(f"puppet {__version__}")
+        raise typer.Exit
+
+
+@app.command()
+def run(
+    show: ShowFile,
+    headless: Annotated[bool, typer.Option(help="No window, even if there is a display.")] = False,
+    seconds: Annotated[
+        float | None,
+        typer.Option(help="Stop so long after the first picture."),
+    ] = None,
+    report: Annotated[
+        Path | None,
+        typer.Option(help="Write what happened as JSON."),
+    ] = None,
+    port: Port = None,
+    source: Annotated[
+        str | None,
+        typer.Option(help="Use this source instead of the show's: a path, webcam:0, rehearsal."),
+    ] = None,
+    png: Annotated[Path | None, typer.Option(help="Keep the newest picture here.")] = None,
+    mp4: Annotated[Path | None, typer.Option(help="Film the show.")] = None,
+    gif: Annotated[Path | None, typer.Option(help="Film the show as a GIF.")] = None,
+) -> None:
+    """Start a show: tracker, stage and viewer, until Ctrl-C or the window is closed."""
+    from puppet.commands.live import run_show
+
+    sys.exit(
+        run_show(
+            show,
+            headless,
+            seconds,
+            report,
+            port,
+            source,
+            {"png": png, "mp4": mp4, "gif": gif},
+        )
+    )
+
+
+@app.command()
+def track(
+    show: ShowFile,
+    source: Annotated[
+        str | None,
+        typer.Option(help="Use this source instead of the show's: a path, webcam:0, rehearsal."),
+    ] = None,
+    port: Port = None,
+) -> None:
+    """Publish the skeletons of one source. Start, stop and replace it while a show runs."""
+    from puppet.commands.live import track_show
+
+    track_show(show, source, port)
+
+
+@app.command()
+def stage(show: ShowFile, port: Port = None) -> None:
+    """Turn skeletons into poses: the hub of a show."""
+    from puppet.commands.live import stage_show
+
+    stage_show(show, port)
+
+
+@app.command()
+def view(
+    show: ShowFile,
+    headless: Annotated[bool, typer.Option(help="No window, even if there is a display.")] = False,
+    port: Port = None,
+    png: Annotated[Path | None, typer.Option(help="Keep the newest picture here.")] = None,
+    mp4: Annotated[Path | None, typer.Option(help="Film the show.")] = None,
+    gif: Annotated[Path | None, typer.Option(help="Film the show as a GIF.")] = None,
+) -> None:
+    """Draw a show, in a window or without one. There may be several."""
+    from puppet.commands.live import view_show
+
+    view_show(show, headless, port, {"png": png, "mp4": mp4, "gif": gif})
+
+
+@app.command()
+def render(
+    show: ShowFile,
+    output: Annotated[Path, typer.Argument(help="Where to: .png, .mp4 or .gif.")],
+    source: Annotated[
+        str | None,
+        typer.Option(help="Use this source instead of the show's."),
+    ] = None,
+    start: Annotated[float, typer.Option(help="Begin so many seconds into the source.")] = 0.0,
+    seconds: Annotated[
+        float | None,
+        typer.Option(help="How long; all of the source if not given."),
+    ] = None,
+    fps: Annotated[float, typer.Option(help="Pictures a second of the film.")] = 30.0,
+    width: Annotated[int | None, typer.Option(help="Pixels.")] = None,
+    height: Annotated[int | None, typer.Option(help="Pixels.")] = None,
+    sheet: Annotated[
+        int,
+        typer.Option(help="A contact sheet of so many moments instead (.png)."),
+    ] = 0,
+) -> None:
+    """Draw a show offline: every frame, smooth edges, no hurry, the same each time."""
+    from puppet.commands.offline import render_show
+
+    render_show(show, output, source, start, seconds, fps, width, height, sheet)
+
+
+@app.command()
+def record(
+    take: Annotated[Path, typer.Argument(help="The take to write, .mcap.")],
+    source: Annotated[str, typer.Option(help="A video file, webcam:0, rehearsal, another take.")],
+    seconds: Annotated[
+        float | None,
+        typer.Option(help="Stop after so long."),
+    ] = None,
+    overwrite: Annotated[bool, typer.Option(help="Replace a take that is there.")] = False,
+) -> None:
+    """Record a source as a take. Ctrl-C ends a recording and keeps it."""
+    from puppet.commands.files import record_take
+
+    record_take(take, source, seconds, overwrite)
+
+
+@app.command(name="import")
+def import_(
+    files: Annotated[list[Path], typer.Argument(help="Kinect .csv and .skl, or .bvh files.")],
+    output: Annotated[
+        Path | None,
+        typer.Option("--output", "-o", help="The take to write, or a folder for several."),
+    ] = None,
+    overwrite: Annotated[bool, typer.Option(help="Replace takes that are there.")] = False,
+) -> None:
+    """Turn other programs' recordings into takes."""
+    from puppet.commands.files import import_files
+
+    sys.exit(import_files(files, output, overwrite))
+
+
+@app.command(name="map")
+def map_(
+    armature: Annotated[Path, typer.Argument(help="The puppet, .glb or .gltf.")],
+    mode: Annotated[str, typer.Option(help="How it is driven: fk.")] = "fk",
+    json: Annotated[bool, typer.Option("--json", help="For programs.")] = False,
+) -> None:
+    """Propose how the human body drives an armature."""
+    from puppet.commands.files import map_armature
+
+    map_armature(armature, mode, json)
+
+
+@app.command()
+def models(
+    cache: Annotated[
+        Path | None,
+        typer.Option(help="Keep them here instead of in the user's cache."),
+    ] = None,
+) -> None:
+    """Get the pose models that webcams and videos need (35 MB, once)."""
+    from puppet.commands.files import get_models
+
+    get_models(cache)

@@ -1,0 +1,153 @@
+"""`puppet record`, `import`, `map` and `models`: commands that read and write files."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+
+from rich.console import Console
+from rich.progress import (
+    BarColumn,
+    MofNCompleteColumn,
+    Progress,
+    TextColumn,
+    TimeElapsedColumn,
+    TimeRemainingColumn,
+)
+from rich.table import Table
+
+from puppet.commands.signals import stop_event
+from puppet.errors import BadShowError, PuppetError
+
+_err = Console(stderr=True)
+
+
+def _fresh(path: Path, overwrite: bool) -> None:
+    """Raises BadShowError if writing `path` would lose something, or cannot work."""
+    if path.exists() and not overwrite:
+        raise BadShowError(
+            "there is such a file already", where=path, hint="another name, or --overwrite"
+        )
+    if not path.resolve().parent.is_dir():
+        raise BadShowError("there is no such folder", where=path.resolve().parent)
+
+
+def record_take(path: Path, source: str, seconds: float | None, overwrite: bool) -> None:
+    """Record a source until it ends, `seconds` are over or Ctrl-C is pressed."""
+    from puppet.tracking.open import open_source
+    from puppet.tracking.take import TakeWriter
+
+    _fresh(path, overwrite)
+    stop = stop_event()
+    opened = open_source(source)
+    # What was there before stays until the new take is complete.
+    part = path.with_name(path.name + ".part")
+    written = present = 0
+    started: float | None = None
+    with (
+        Progress(
+            TextColumn("{task.description}"),
+            BarColumn(),
+            MofNCompleteColumn(),
+            TextColumn("{task.fields[seen]}"),
+            TimeElapsedColumn(),
+            TimeRemainingColumn(),
+            console=_err,
+        ) as progress,
+        TakeWriter(part, opened.info) as writer,
+    ):
+        task = progress.add_task(f"recording {source}", total=len(opened) or None, seen="")
+        try:
+            for frame in opened:
+                started = frame.time if started is None else started
+                if stop.is_set() or (seconds is not None and frame.time - started > seconds):
+                    break
+                writer.write(frame)
+                written += 1
+                present += frame.present
+                progress.update(task, completed=written, seen=f"{present} with somebody")
+        finally:
+            opened.close()
+    if written == 0:
+        part.unlink()
+        raise BadShowError("the source gave no frame: nothing was recorded", where=source)
+    part.replace(path)
+    _err.print(
+        f"{path}: {written} frames, somebody in {present} of them, "
+        f"{path.stat().st_size / 1000:.0f} kB",
+        highlight=False,
+    )
+    if present == 0:
+        _err.print("nobody was seen: is the whole person in the picture?", style="yellow")
+
+
+def import_files(files: list[Path], output: Path | None, overwrite: bool) -> int:
+    """Import each file; one that cannot be read does not keep the others back. -> exit code"""
+    from puppet.tracking.recording import import_recording
+    from puppet.tracking.take import write_take
+
+    into_folder = output is not None and (len(files) > 1 or output.is_dir())
+    if output is not None and into_folder:
+        output.mkdir(parents=True, exist_ok=True)
+    failed = 0
+    for file in files:
+        if output is None:
+            target = Path(file.stem + ".mcap")
+        else:
+            target = output / (file.stem + ".mcap") if into_folder else output
+        try:
+            _fresh(target, overwrite)
+            imported = import_recording(file)
+            write_take(target, imported.info, imported.frames)
+        except PuppetError as error:
+            failed += 1
+            _err.print(f"puppet: {error}", markup=False, highlight=False)
+            continue
+        _err.print(f"{file.name} → {target}", highlight=False)
+        for line in imported.report.lines():
+            _err.print(f"  {line}", markup=False, highlight=False)
+    return 2 if failed else 0
+
+
+def map_armature(path: Path, mode: str, as_json: bool) -> None:
+    """Propose a mapping and print it."""
+    from puppet.formats.armature_toml import load_puppet
+    from puppet.mapping.forward import propose_forward
+    from puppet.skeleton import HUMAN_BONE_NAMES
+
+    if mode != "fk":
+        raise BadShowError("there is no such mode", where="--mode", expected="fk", found=mode)
+    model = load_puppet(path).model
+    proposal = propose_forward(model.armature)
+    if as_json:
+        sys.stdout.write(json.dumps(proposal.as_json(), indent=2) + "\n")
+        return
+    for warning in model.warnings:
+        _err.print(f"{path.name}: {warning}", style="yellow", markup=False, highlight=False)
+    table = Table(title=f"{model.armature.name}: forward kinematics", title_justify="left")
+    table.add_column("bone")
+    table.add_column("turns with")
+    table.add_column("score", justify="right")
+    by_bone = {pair.bone: pair for pair in proposal.pairs}
+    for bone, name in enumerate(model.armature.names):
+        pair = by_bone.get(bone)
+        if pair is None:
+            table.add_row(name, "its parent", "", style="dim")
+        else:
+            table.add_row(name, HUMAN_BONE_NAMES[pair.human], f"{pair.score:.2f}")
+    Console().print(table)
+
+
+def get_models(cache: Path | None) -> None:
+    """Fetch the pose models, if they are not there."""
+    from puppet.tracking.models import fetch_models
+
+    with Progress(
+        TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn(), console=_err
+    ) as progress:
+        task = progress.add_task("pose models", total=1.0)
+        found = fetch_models(
+            lambda what, share: progress.update(task, description=what, completed=share), cache
+        )
+    _err.print(f"{found.detector.parent}", highlight=False)

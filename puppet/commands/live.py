@@ -1,0 +1,153 @@
+"""`puppet run`, `track`, `stage` and `view`: the processes of a live show."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import msgspec
+
+from puppet.commands.signals import stop_event
+from puppet.net.run import Supervisor, write_report
+from puppet.show import BusConfig, Show, load_show
+from puppet.tracking.open import open_source
+
+
+def _say(text: str) -> None:
+    sys.stderr.write(text + "\n")
+    sys.stderr.flush()
+
+
+def _load(path: Path, port: int | None) -> Show:
+    show = load_show(path)
+    if port is None:
+        return show
+    return msgspec.structs.replace(show, bus=BusConfig(endpoint=f"tcp/127.0.0.1:{port}"))
+
+
+def run_show(
+    path: Path,
+    headless: bool,
+    seconds: float | None,
+    report: Path | None,
+    port: int | None,
+    source: str | None,
+    outputs: dict[str, Path | None],
+) -> int:
+    """Supervise a whole show. -> exit code"""
+    from rich.console import Console
+
+    from puppet.cast import load_cast
+    from puppet.render.window import display_available
+
+    show = _load(path, port)
+    load_cast(show, path)  # what is wrong with the puppets is told once, before anything starts
+    if source is not None or not show.source.path.startswith("webcam:"):
+        _check_source(show, path, source)
+    if not headless and not display_available():
+        _say("there is no display: running without a window")
+        headless = True
+    view = ["--headless"] if headless else []
+    if headless and not any(outputs.values()):
+        outputs = {**outputs, "png": Path("puppet-view.png")}
+        _say("the newest picture is kept in puppet-view.png, once a second")
+    for option, target in outputs.items():
+        if target is not None:
+            view += [f"--{option}", str(target)]
+    common = [] if port is None else ["--port", str(port)]
+    supervisor = Supervisor(
+        path,
+        show,
+        {
+            "stage": common,
+            "track": [*common, *([] if source is None else ["--source", source])],
+            "view": [*common, *view],
+        },
+        _say,
+    )
+    stop = stop_event()
+    console = Console(stderr=True)
+    if console.is_terminal:
+        with console.status("starting …") as status:
+            code = supervisor.run(stop, seconds, lambda: status.update(supervisor.status_line()))
+    else:
+        code = supervisor.run(stop, seconds, None)
+    _say(supervisor.status_line())
+    if report is not None:
+        write_report(supervisor.report(), report)
+        _say(f"the report is in {report}")
+    return code
+
+
+def _check_source(show: Show, path: Path, source: str | None) -> None:
+    """Open the source once and let it go: a wrong one is told before anything starts."""
+    text = source or show.source.path
+    if text == "rehearsal" or text.startswith("webcam:"):
+        return
+    open_source(text, folder=None if source else path.parent).close()
+
+
+def track_show(path: Path, source: str | None, port: int | None) -> None:
+    """Publish one source until it ends."""
+    from puppet.net.bus import Bus
+    from puppet.net.track import run_track
+
+    show = _load(path, port)
+    stop = stop_event()
+    opened = open_source(
+        source or show.source.path,
+        folder=None if source else path.parent,
+        repeat=show.source.repeat,
+    )
+    for warning in getattr(opened, "warnings", ()):
+        _say(f"puppet track: {warning}")
+    with Bus.join(show.bus.endpoint, show.key) as bus:
+        run_track(opened, bus, stop, speed=show.source.speed)
+
+
+def stage_show(path: Path, port: int | None) -> None:
+    """Be the hub of a show."""
+    from puppet.cast import load_cast
+    from puppet.line import Line
+    from puppet.net.bus import Bus
+    from puppet.net.stage import Stage
+
+    show = _load(path, port)
+    stop = stop_event()
+    with Bus.host(show.bus.endpoint, show.key) as bus:
+        cast = load_cast(show, path)
+        for puppet in cast:
+            for warning in puppet.model.warnings:
+                _say(f"puppet stage: {puppet.name}: {warning}")
+        line = Line(cast, show.conditioning)
+        line.warm_up()
+        Stage(line, bus).run(stop)
+
+
+def view_show(
+    path: Path,
+    headless: bool,
+    port: int | None,
+    outputs: dict[str, Path | None],
+) -> None:
+    """Draw a show."""
+    from puppet.net.bus import Bus
+    from puppet.net.view import Viewer, run_headless, run_window
+    from puppet.render.context import headless_context
+    from puppet.render.window import Window, display_available
+
+    show = _load(path, port)
+    stop = stop_event()
+    if not headless and not display_available():
+        _say("puppet view: there is no display: drawing without a window")
+        headless = True
+    sinks = _outputs(outputs)
+    view = show.view
+    window = None if headless else Window(f"puppet — {show.name}", (view.width, view.height))
+    ctx = headless_context() if window is None else window.ctx
+    with Bus.join(show.bus.endpoint, show.key) as bus:
+        viewer = Viewer(ctx, bus, view, show.puppets)
+        if window is None:
+            run_headless(viewer, stop, sinks)
+        else:
+            run_window(viewer, window, stop, sinks)

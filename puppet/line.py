@@ -1,0 +1,110 @@
+"""The line: from a raw skeleton frame to the poses of all puppets on stage.
+
+Pure but for its memory (conditioning, neutral stance, transitions), which lives on capture time
+alone: the same frames give the same poses, bit for bit, at any speed and in any process. The stage
+runs it live; `puppet render`, the tests and the benchmarks run it without a bus.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from puppet.cast import StagedPuppet
+from puppet.mapping.drive import ForwardDrive
+from puppet.mapping.stance import Stance, upright
+from puppet.pose import Pose
+from puppet.show import ConditioningConfig
+from puppet.skeleton import SkeletonFrame, nobody
+from puppet.solvers.transition import Transition
+from puppet.tracking.condition import Conditioner
+from puppet.tracking.neutral import NeutralStance
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Tick:
+    """What one step of the line gives.
+
+    frame: the conditioned skeleton. neutral: the stance puppets count from, None until somebody
+    was seen. measured: whether that stance was really seen. poses: by the puppets' names.
+    """
+
+    frame: SkeletonFrame
+    neutral: Stance | None
+    measured: bool
+    poses: dict[str, Pose]
+
+
+class Line:
+    """Conditioning, mapping and finishing for one performer and the puppets that follow."""
+
+    def __init__(
+        self, puppets: Iterable[StagedPuppet], conditioning: ConditioningConfig | None = None
+    ) -> None:
+        self.puppets = tuple(puppets)
+        self._condition = Conditioner(conditioning)
+        self._neutral = NeutralStance()
+        unseen = upright(np.zeros(3), 0.0)
+        self._drives = {
+            puppet.name: ForwardDrive(
+                puppet.model.armature, puppet.proposal.pairs, unseen, puppet.placement
+            )
+            for puppet in self.puppets
+        }
+        self._transitions = {puppet.name: Transition() for puppet in self.puppets}
+        self._last: SkeletonFrame | None = None
+
+    @property
+    def time(self) -> float | None:
+        """Capture time of the last step."""
+        return None if self._last is None else self._last.time
+
+    def step(self, frame: SkeletonFrame) -> Tick:
+        """Take in a frame; its time must be later than the last one's."""
+        dt = 0.0 if self._last is None else frame.time - self._last.time
+        self._last = frame
+        conditioned = self._condition(frame)
+        if self._neutral(conditioned):
+            self._count_from(self._neutral.stance)
+        poses = {}
+        for name, drive in self._drives.items():
+            poses[name] = self._transitions[name](drive(conditioned).base, max(dt, 0.0))
+        return Tick(conditioned, self._neutral.stance, self._neutral.measured, poses)
+
+    def idle(self, time: float) -> Tick:
+        """Go on without a frame: as if nobody was there. Holding and easing go on."""
+        last = self._last
+        if last is None:
+            return self.step(nobody(time, 0))
+        return self.step(replace(nobody(time, last.sequence), performer=last.performer))
+
+    def at_rest(self, time: float) -> Tick:
+        """Every puppet at rest at its place, as before any frame; changes nothing."""
+        unseen = nobody(time, 0)
+        unseen = replace(unseen, influence=np.zeros_like(unseen.influence))
+        poses = {name: drive(unseen).base for name, drive in self._drives.items()}
+        return Tick(unseen, None, False, poses)
+
+    def recalibrate(self) -> None:
+        """Find the neutral stance anew."""
+        self._neutral.reset()
+
+    def warm_up(self) -> None:
+        """Compile every kernel of the line before the show, with a line that is thrown away."""
+        stand_in = Line(self.puppets)
+        points = np.zeros((20, 3))
+        for sequence in range(3):
+            stand_in.step(
+                SkeletonFrame(sequence / 30.0, sequence, 0, points, np.full(20, sequence, np.uint8))
+            )
+            for transition in stand_in._transitions.values():
+                transition.start()
+
+    def _count_from(self, stance: Stance | None) -> None:
+        if stance is None:
+            return
+        for name, drive in self._drives.items():
+            self._drives[name] = drive.with_neutral(stance)
+            self._transitions[name].start()

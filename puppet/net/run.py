@@ -1,0 +1,265 @@
+"""`puppet run`: starts the processes of one show, watches over them, and ends them together."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Final
+
+import psutil
+
+from puppet.errors import PuppetError, UnavailableError
+from puppet.net.bus import Bus
+from puppet.net.messages import Decoder, HealthMessage
+from puppet.show import Show
+
+#: A process that stops by itself is started again after pauses that grow from the first to the
+#: last of these, seconds; one that lived longer than STEADY starts anew at the first.
+PAUSES: Final = (0.5, 1.0, 2.0, 5.0, 10.0)
+STEADY: Final = 20.0
+#: Seconds that a process gets to end by itself before it is killed.
+GRACE: Final = 5.0
+#: The first start compiles kernels and may take a while on a slow machine.
+START_LIMIT: Final = 180.0
+#: The environment variable by which a process knows whom it must not outlive.
+SUPERVISOR: Final = "PUPPET_SUPERVISOR"
+#: Exit code of a command that has told a person what is wrong: starting it again will not help.
+TOLD: Final = 2
+MEGABYTE: Final = 1024 * 1024
+
+
+@dataclass
+class Child:
+    """One process of the show."""
+
+    role: str
+    arguments: Sequence[str]
+    process: subprocess.Popen[bytes] | None = None
+    started: float = 0.0
+    failures: int = 0
+    restart_at: float | None = None
+    rss_mb: list[float] = field(default_factory=list)
+
+    def start(self) -> None:
+        """Start it, away from the terminal's Ctrl-C: the supervisor ends it in order."""
+        self.started = time.monotonic()
+        self.restart_at = None
+        self.process = subprocess.Popen(
+            [sys.executable, "-m", "puppet", self.role, *self.arguments],
+            start_new_session=True,
+            stdin=subprocess.DEVNULL,
+            env={**os.environ, SUPERVISOR: str(os.getpid())},
+        )
+
+    def sample_memory(self) -> None:
+        """Note how much memory it holds."""
+        if self.process is not None and self.process.poll() is None:
+            try:
+                self.rss_mb.append(psutil.Process(self.process.pid).memory_info().rss / MEGABYTE)
+            except psutil.Error:
+                return
+
+    def stop(self) -> None:
+        """Ask it to end, and kill it if it does not."""
+        if self.process is None or self.process.poll() is not None:
+            return
+        self.process.send_signal(signal.SIGTERM)
+        try:
+            self.process.wait(GRACE)
+        except subprocess.TimeoutExpired:
+            self.process.kill()
+            self.process.wait()
+
+
+class Supervisor:
+    """Starts `puppet stage`, `track` and `view` for a show file and keeps them alive.
+
+    say: called with lines for people. arguments: more arguments for each role.
+    """
+
+    def __init__(
+        self,
+        show_path: Path,
+        show: Show,
+        arguments: dict[str, Sequence[str]],
+        say: Callable[[str], None],
+    ) -> None:
+        self.show = show
+        self._say = say
+        self.children = {
+            role: Child(role, (str(show_path), *arguments.get(role, ())))
+            for role in ("stage", "track", "view")
+        }
+        self._health: dict[str, HealthMessage] = {}
+        self._decode = Decoder(HealthMessage)
+        self._bus: Bus | None = None
+        self._first_drawn: float | None = None
+        self._drawn_before = 0
+
+    def run(
+        self,
+        stop: threading.Event,
+        seconds: float | None = None,
+        tell: Callable[[], None] | None = None,
+    ) -> int:
+        """Until `stop`, a closed window, or `seconds` after the first picture. -> exit code."""
+        self.children["stage"].start()
+        threading.Thread(target=self._join_bus, daemon=True).start()
+        for role in ("view", "track"):
+            self.children[role].start()
+        began = time.monotonic()
+        next_sample = began
+        code = 0
+        try:
+            while not stop.wait(0.1):
+                now = time.monotonic()
+                ended = self._watch(now)
+                if ended is not None:
+                    code = ended
+                    break
+                if now >= next_sample:
+                    next_sample = now + 1.0
+                    for child in self.children.values():
+                        child.sample_memory()
+                    if tell is not None:
+                        tell()
+                if self._first_drawn is None:
+                    if now - began > START_LIMIT:
+                        raise UnavailableError(
+                            "the show has not drawn a picture",
+                            expected=f"the first picture within {START_LIMIT:.0f} s",
+                            found=self._states(),
+                        )
+                elif seconds is not None and now - self._first_drawn >= seconds:
+                    break
+        finally:
+            self._stop_all()
+        return code
+
+    def report(self) -> dict[str, Any]:
+        """What happened, in the form that ``--report`` writes."""
+        stage, view = self._health.get("stage"), self._health.get("view")
+        into = stage.counters if stage else {}
+        drawn = view.counters.get("frames_drawn", 0) if view else 0
+        gauges = view.gauges if view else {}
+        elapsed = time.monotonic() - self._first_drawn if self._first_drawn is not None else 0.0
+        return {
+            "frames_in": into.get("frames_in", 0),
+            "frames_posed": into.get("frames_posed", 0),
+            "frames_drawn": drawn,
+            "dropped": into.get("dropped", 0),
+            "latency_ms": {
+                "p50": round(gauges.get("latency_p50_ms", 0.0), 2),
+                "p99": round(gauges.get("latency_p99_ms", 0.0), 2),
+            },
+            "fps": round((drawn - self._drawn_before) / elapsed, 2) if elapsed > 0 else 0.0,
+            "rss_mb": {
+                role: round(child.rss_mb[-1], 1) if child.rss_mb else 0.0
+                for role, child in sorted(self.children.items())
+            },
+            "rss_mb_early": {
+                # After start-up, so that growth can be seen.
+                role: round(child.rss_mb[min(10, len(child.rss_mb) - 1)], 1)
+                if child.rss_mb
+                else 0.0
+                for role, child in sorted(self.children.items())
+            },
+            "seconds": round(elapsed, 2),
+            "puppets": [puppet.name for puppet in self.show.puppets],
+        }
+
+    def status_line(self) -> str:
+        """One line for people."""
+        report = self.report()
+        if self._first_drawn is None:
+            return f"starting: {self._states()}"
+        stage = self._health.get("stage")
+        state = stage.state if stage else "starting"
+        return (
+            f"{report['frames_in']} frames in · {report['frames_drawn']} drawn · "
+            f"{report['fps']:.0f} fps · latency {report['latency_ms']['p50']:.0f} ms "
+            f"(p99 {report['latency_ms']['p99']:.0f}) · {state}"
+        )
+
+    def _join_bus(self) -> None:
+        try:
+            bus = Bus.join(self.show.bus.endpoint, self.show.key)
+        except Exception as error:  # the show goes on without figures
+            self._say(f"no figures from the bus: {error}")
+            return
+        self._bus = bus
+        bus.listen("health/*", self._hear)
+
+    def _hear(self, data: bytes) -> None:
+        try:
+            health = self._decode(data)
+        except PuppetError:
+            return
+        self._health[health.role] = health
+        if (
+            health.role == "view"
+            and self._first_drawn is None
+            and health.counters.get("frames_drawn")
+        ):
+            self._drawn_before = health.counters["frames_drawn"]
+            self._first_drawn = time.monotonic()
+
+    def _states(self) -> str:
+        known = (f"{role} {self._health[role].state}" for role in sorted(self._health))
+        return ", ".join(known) or "nothing has answered yet"
+
+    def _watch(self, now: float) -> int | None:
+        """Restart what died. Returns the exit code if the show is over."""
+        for child in self.children.values():
+            if child.restart_at is not None:
+                if now >= child.restart_at:
+                    self._say(f"starting {child.role} again")
+                    child.start()
+                continue
+            code = child.process.poll() if child.process is not None else None
+            if code is None:
+                continue
+            if child.role == "view" and code == 0:
+                return 0  # its window was closed
+            if child.role == "track" and code == 0:
+                child.process = None  # a recording that is not repeated has ended
+                continue
+            if code == TOLD:
+                return TOLD
+            if now - child.started > STEADY:
+                child.failures = 0
+            pause = PAUSES[min(child.failures, len(PAUSES) - 1)]
+            child.failures += 1
+            child.restart_at = now + pause
+            self._say(f"{child.role} has stopped (exit code {code}); again in {pause:g} s")
+        return None
+
+    def _stop_all(self) -> None:
+        # The stage last: it is the hub over which the others give their final figures.
+        for role in ("track", "view", "stage"):
+            if role == "stage":
+                time.sleep(0.1)
+            self.children[role].stop()
+        time.sleep(0.1)
+        if self._bus is not None:
+            self._bus.close()
+
+
+def write_report(report: dict[str, Any], path: Path) -> None:
+    """Write the report as JSON, whole or not at all."""
+    temporary = path.with_name(path.name + ".part")
+    try:
+        temporary.write_text(json.dumps(report, indent=2) + "\n")
+        temporary.replace(path)
+    except OSError as error:
+        raise PuppetError(
+            "the report cannot be written", where=path, found=error.strerror or str(error)
+        ) from None

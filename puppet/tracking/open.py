@@ -1,0 +1,48 @@
+"""From what a person types (`webcam:0`, `rehearsal`, a path) to a source."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Literal
+
+from puppet.errors import BadShowError
+from puppet.tracking.replay import Replay
+from puppet.tracking.source import Source
+from puppet.tracking.take import read_take
+
+Repeat = Literal["loop", "ping-pong", "once"]
+
+#: What can be typed, for help texts and errors.
+FORMS = "a take (.mcap), a video file, webcam:N or rehearsal"
+
+
+def open_source(text: str, *, folder: Path | None = None, repeat: Repeat = "once") -> Source:
+    """Open a source. Relative paths start from `folder`.
+
+    repeat: what takes and the rehearsal do at their end; a video is played once.
+    Raises BadShowError for something that is not a source, BadFileError for a file that cannot be
+    read, UnavailableError if a camera or the pose models are missing.
+    """
+    if text == "rehearsal":
+        from puppet.tracking.rehearsal import Rehearsal
+
+        return Replay.of(Rehearsal(), repeat=repeat)
+    kind, colon, rest = text.partition(":")
+    if colon and kind == "webcam":
+        if not rest.isdigit():
+            raise BadShowError(
+                "this is not a webcam", where="source", expected="webcam:0, webcam:1, …", found=text
+            )
+        from puppet.tracking.models import model_paths
+        from puppet.tracking.video import VideoSource
+
+        return VideoSource(int(rest), models=model_paths())
+    path = Path(text) if folder is None else folder / text
+    if not path.exists():
+        raise BadShowError("there is no such source", where=path, expected=FORMS, found=text)
+    if path.suffix.lower() == ".mcap":
+        return Replay.of(read_take(path), repeat=repeat)
+    from puppet.tracking.models import model_paths
+    from puppet.tracking.video import VideoSource
+
+    return VideoSource(path, models=model_paths())
