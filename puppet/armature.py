@@ -17,10 +17,10 @@ from puppet.rotation import multiply, rotate
 
 Side = Literal["L", "R", ""]
 
-_SIDE = re.compile(
-    r"(?:^|[._\-\s:])(?P<word>left|right|l|r)(?:$|[._\-\s:\d])|(?P<camel>Left|Right)(?=[A-Z_.\d]|$)",
-    re.IGNORECASE,
-)
+# Words between separators in any case ("arm_l", "Hand Right"), and words in camel case
+# ("LeftArm", "upperArmRight"), but not words that only begin alike ("leftover").
+_WORD = re.compile(r"(?:^|[._\-\s:])(left|right|l|r)(?=$|[._\-\s:\d])", re.IGNORECASE)
+_CAMEL = re.compile(r"(Left|Right)(?=[A-Z\d]|$)")
 
 
 def side_of(name: str) -> Side:
@@ -29,10 +29,10 @@ def side_of(name: str) -> Side:
     >>> side_of("fin.L"), side_of("arm_r"), side_of("mixamorig:RightHand"), side_of("tail")
     ('L', 'R', 'R', '')
     """
-    match = _SIDE.search(name)
+    match = _WORD.search(name) or _CAMEL.search(name)
     if match is None:
         return ""
-    return "L" if (match["word"] or match["camel"]).lower().startswith("l") else "R"
+    return "L" if match[1].lower().startswith("l") else "R"
 
 
 @dataclass(frozen=True, eq=False)
@@ -153,10 +153,7 @@ class Armature:
         """(B, 3) where each bone ends at rest, in the armature's frame."""
         positions, rotations = self.rest
         return frozen(
-            [
-                p + rotate(q, t)
-                for p, q, t in zip(positions, rotations, self.tips, strict=True)
-            ]
+            [p + rotate(q, t) for p, q, t in zip(positions, rotations, self.tips, strict=True)]
         )
 
     @cached_property
@@ -179,7 +176,7 @@ def _parents_first(name: str, names: Sequence[str], parents: Sequence[int]) -> l
                 found=str(parent),
             )
     for bone in range(len(names)):
-        path = []
+        path: list[int] = []
         node = bone
         while node >= 0 and not placed[node]:
             if node in path:

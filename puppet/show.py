@@ -57,8 +57,8 @@ class ConditioningConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True
     fade: half-life of the fading. regain: half-life of taking over again.
     """
 
-    smoothing: float = 0.06
-    quickness: float = 8.0
+    smoothing: float = 0.08
+    quickness: float = 6.0
     inferred: float = 4.0
     hold: float = 0.5
     fade: float = 0.35

@@ -98,9 +98,8 @@ def track_show(path: Path, source: str | None, port: int | None) -> None:
         source or show.source.path,
         folder=None if source else path.parent,
         repeat=show.source.repeat,
+        warn=lambda warning: _say(f"puppet track: {warning}"),
     )
-    for warning in getattr(opened, "warnings", ()):
-        _say(f"puppet track: {warning}")
     with Bus.join(show.bus.endpoint, show.key) as bus:
         run_track(opened, bus, stop, speed=show.source.speed)
 

@@ -8,10 +8,9 @@ import time
 from puppet.net.bus import Bus
 from puppet.net.health import Health
 from puppet.net.messages import SkeletonMessage, encode
-from puppet.tracking.replay import Replay
 from puppet.tracking.source import Source
 
-#: A frame that is later than this is let go: the next one is more worth having.
+#: Seconds by which a frame may be published behind its time before it counts as late.
 LATE = 0.1
 
 
@@ -40,8 +39,7 @@ def run_track(source: Source, bus: Bus, stop: threading.Event, *, speed: float =
                 due = started + (frame.time - first) / speed
                 if stop.wait(max(due - now, 0.0)):
                     break
-                if now - due > LATE and not isinstance(source, Replay):
-                    health.counters["late"] += 1
+                health.counters["late"] += now - due > LATE
             publish(
                 encode(
                     SkeletonMessage.of(

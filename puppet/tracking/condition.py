@@ -22,6 +22,8 @@ from puppet.skeleton import JOINT_COUNT, JOINT_PARENTS, SkeletonFrame
 _PARENTS: Final[Ints] = frozen(JOINT_PARENTS, np.int32)
 #: Longer silences than this are not filtered across: the joints start anew where they are seen.
 _LONGEST_STEP: Final = 0.25
+#: Half-life of the velocities that tell quick joints from shaking ones, seconds.
+_VELOCITY_HALF_LIFE: Final = 0.1
 
 
 @kernel
@@ -38,15 +40,17 @@ def _step(
     parents: Ints,
     knobs: Floats,
     held: Floats,
-    speed: Floats,
+    seen: Floats,
+    velocity: Floats,
     trust: Floats,
     lost: Floats,
     influence: Floats,
 ) -> None:
-    """Advance all joints by `dt`: `held`, `speed`, `trust`, `lost`, `influence` are the memory.
+    """Advance all joints by `dt`. What follows the knobs is the memory.
 
-    positions, held: (20, 3). speed: (20,) smoothed, m/s. trust: (20,) 0..1, how freely a joint may
-    move now. lost: (20,) seconds without the joint. influence: (20,) 0..1.
+    positions, held, seen: (20, 3), the joints now, as given out, as last seen. velocity: (20, 3)
+    m/s, smoothed. trust: (20,) 0..1, how freely a joint may move now. lost: (20,) seconds without
+    the joint. influence: (20,) 0..1.
     """
     smoothing, quickness, slower = knobs[0], knobs[1], knobs[2]
     hold, fade, regain = knobs[3], knobs[4], knobs[5]
@@ -55,24 +59,29 @@ def _step(
         if states[joint] == 0:
             lost[joint] += dt
             trust[joint] = 0.0
-            speed[joint] = 0.0
+            velocity[joint] = 0.0
             if lost[joint] > hold:
                 influence[joint] -= influence[joint] * _blend(fade, dt)
             parent = parents[joint]
             if parent >= 0:  # parents come first: they are already where they are now
                 held[joint] = before[joint] + held[parent] - before[parent]
             continue
+        if lost[joint] == 0.0:  # else it was somewhere else, which is no speed
+            velocity[joint] += ((positions[joint] - seen[joint]) / dt - velocity[joint]) * _blend(
+                _VELOCITY_HALF_LIFE, dt
+            )
         lost[joint] = 0.0
+        seen[joint] = positions[joint]
         freedom = 1.0 if states[joint] == 2 else 1.0 / slower
         trust[joint] += (freedom - trust[joint]) * _blend(regain, dt)
         influence[joint] += (1.0 - influence[joint]) * _blend(regain, dt)
-        step = positions[joint] - held[joint]
-        rate = math.sqrt(step[0] ** 2 + step[1] ** 2 + step[2] ** 2) / dt
-        speed[joint] += (rate - speed[joint]) * _blend(smoothing, dt)
-        quick = 1.0 + quickness * speed[joint]
-        # A joint that was just found again is trusted little: it closes in, it does not jump.
-        half_life = smoothing / (quick * max(trust[joint], 0.02) ** 2)
-        held[joint] = before[joint] + step * _blend(half_life, dt)
+        v = velocity[joint]
+        speed = math.sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2])
+        # Little trust makes a joint slow, and deaf to its own speed: what was just found again, or
+        # is only inferred, closes in and does not jump.
+        free = max(trust[joint], 0.1)
+        half_life = smoothing / (free * free * (1.0 + quickness * speed * free))
+        held[joint] = before[joint] + (positions[joint] - before[joint]) * _blend(half_life, dt)
 
 
 class Conditioner:
@@ -96,7 +105,8 @@ class Conditioner:
         """Forget the performer."""
         self._time: float | None = None
         self._held = np.zeros((JOINT_COUNT, 3))
-        self._speed = np.zeros(JOINT_COUNT)
+        self._seen = np.zeros((JOINT_COUNT, 3))
+        self._velocity = np.zeros((JOINT_COUNT, 3))
         self._trust = np.zeros(JOINT_COUNT)
         self._lost = np.zeros(JOINT_COUNT)
         self._influence = np.zeros(JOINT_COUNT)
@@ -125,7 +135,8 @@ class Conditioner:
                     _PARENTS,
                     self._knobs,
                     self._held,
-                    self._speed,
+                    self._seen,
+                    self._velocity,
                     self._trust,
                     self._lost,
                     self._influence,
@@ -141,7 +152,8 @@ class Conditioner:
                 self._held[joint] = self._held[parent]
         self._trust[:] = np.where(seen, 1.0, 0.0)
         self._lost[:] = 0.0
-        self._speed[:] = 0.0
+        self._seen[:] = frame.positions
+        self._velocity[:] = 0.0
         # The puppet stands at rest until now: whoever appears takes over from there gradually.
         self._influence[:] = 0.0
 

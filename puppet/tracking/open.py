@@ -2,31 +2,36 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
-from typing import Literal
 
 from puppet.errors import BadShowError
-from puppet.tracking.replay import Replay
+from puppet.tracking.replay import Mode, Replay
 from puppet.tracking.source import Source
 from puppet.tracking.take import read_take
-
-Repeat = Literal["loop", "ping-pong", "once"]
 
 #: What can be typed, for help texts and errors.
 FORMS = "a take (.mcap), a video file, webcam:N or rehearsal"
 
 
-def open_source(text: str, *, folder: Path | None = None, repeat: Repeat = "once") -> Source:
+def open_source(
+    text: str,
+    *,
+    folder: Path | None = None,
+    repeat: Mode = "once",
+    warn: Callable[[str], None] = lambda _text: None,
+) -> Source:
     """Open a source. Relative paths start from `folder`.
 
     repeat: what takes and the rehearsal do at their end; a video is played once.
+    warn: called with each thing that was wrong but could be lived with.
     Raises BadShowError for something that is not a source, BadFileError for a file that cannot be
     read, UnavailableError if a camera or the pose models are missing.
     """
     if text == "rehearsal":
         from puppet.tracking.rehearsal import Rehearsal
 
-        return Replay.of(Rehearsal(), repeat=repeat)
+        return Replay(Rehearsal(), mode=repeat)
     kind, colon, rest = text.partition(":")
     if colon and kind == "webcam":
         if not rest.isdigit():
@@ -41,7 +46,10 @@ def open_source(text: str, *, folder: Path | None = None, repeat: Repeat = "once
     if not path.exists():
         raise BadShowError("there is no such source", where=path, expected=FORMS, found=text)
     if path.suffix.lower() == ".mcap":
-        return Replay.of(read_take(path), repeat=repeat)
+        take = read_take(path)
+        for warning in take.warnings:
+            warn(warning)
+        return Replay(take, mode=repeat)
     from puppet.tracking.models import model_paths
     from puppet.tracking.video import VideoSource
 

@@ -1,0 +1,231 @@
+"""``.glb`` and ``.gltf`` to a puppet: glTF joints become bones, and the skin is baked at rest.
+
+The armature is free of scales, and its frame is that of the file's scene (metres, +Y up). What can
+be repaired is repaired, with a warning that names the bone or the mesh; what cannot is a
+BadFileError.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from puppet.armature import Armature
+from puppet.errors import BadFileError
+from puppet.formats.gltf_file import GltfFile
+from puppet.formats.gltf_material import Surface, read_surface
+from puppet.formats.gltf_skin import Binding, bind_skin, joined, read_primitive
+from puppet.kernel import Floats
+from puppet.mesh import Mesh, Model
+
+_NO_SKIN: Final = "in Blender: parent the mesh to an armature, and export with Skinning on"
+_MOST_BONES: Final = 65_535  # what 16-bit joint indices can tell apart
+
+
+def load_model(path: Path) -> Model:
+    """The armature of a glTF file with its skin at rest, and what had to be repaired.
+
+    Raises BadFileError if the file is missing, empty, cut off, foreign or without a skin, or if it
+    refers to anything outside its folder.
+    """
+    path = Path(path)
+    file = GltfFile(path)
+    try:
+        return _load(file)
+    except (AttributeError, ArithmeticError, IndexError, KeyError, TypeError, ValueError) as error:
+        # The document is any JSON that somebody wrote: a list where a number should be surfaces
+        # as one of these, wherever it is first used.
+        raise BadFileError(
+            "the glTF document does not make sense",
+            where=path,
+            found=f"{type(error).__name__}: {error}",
+            hint="export it again, or run it through a glTF validator",
+        ) from error
+
+
+def _load(file: GltfFile) -> Model:
+    document = file.document
+    mesh_nodes = [node for node in file.shown if document.nodes[node].mesh is not None]
+    skins = list(dict.fromkeys(document.nodes[n].skin for n in mesh_nodes))
+    used = [skin for skin in skins if skin is not None] or list(range(len(document.skins or ())))
+    joints = _parents_first(
+        file, (node for s in used for node in file.item(document.skins, s, "skins").joints)
+    )
+    if not joints:
+        raise BadFileError("there is no skin in it", where=file.path, hint=_NO_SKIN)
+    if len(joints) > _MOST_BONES:
+        raise BadFileError("it has too many bones", where=file.path, found=str(len(joints)))
+    bone_of_node = {node: bone for bone, node in enumerate(joints)}
+    names = _names(file, joints)
+
+    parts: dict[int | None, list[Mesh]] = {}
+    surfaces: dict[int | None, Surface] = {}
+    for node_index in mesh_nodes:
+        node = document.nodes[node_index]
+        mesh = file.item(document.meshes, node.mesh, "meshes")
+        label = f"mesh {(mesh.name or node.name or f'mesh_{node.mesh}')!r}"
+        if node.skin is None:
+            binding = _bind_rigid(file, node_index, bone_of_node, names, label)
+        else:
+            binding = bind_skin(file, node.skin, bone_of_node, label)
+        if any(mesh.weights or ()):
+            file.warn(f"{label} has shape keys that are switched on: they are not used")
+        for primitive in mesh.primitives:
+            if primitive.material not in surfaces:
+                surfaces[primitive.material] = read_surface(file, primitive.material)
+            part = read_primitive(file, primitive, binding, surfaces[primitive.material])
+            if part is not None:
+                parts.setdefault(primitive.material, []).append(part)
+    meshes = tuple(joined(parts[material]) for material in parts)
+    armature = _armature(file, joints, bone_of_node, names, meshes)
+    return Model(armature, meshes, tuple(file.warnings))
+
+
+def _parents_first(file: GltfFile, joints: Iterable[int]) -> list[int]:
+    """The joints once each, in the file's order but with ancestors before descendants."""
+    wanted = list(dict.fromkeys(joints))
+    for node in wanted:
+        file.item(file.document.nodes, node, "nodes")
+    known = set(wanted)
+    order: dict[int, None] = {}
+    for node in wanted:
+        for ancestor in reversed([n for n in file.ancestors(node) if n in known]):
+            order.setdefault(ancestor)
+        order.setdefault(node)
+    return list(order)
+
+
+def _names(file: GltfFile, joints: list[int]) -> list[str]:
+    """A name for each bone, unique."""
+    names: dict[str, None] = {}
+    given = {file.document.nodes[node].name for node in joints}
+    nameless = []
+    for node in joints:
+        original = file.document.nodes[node].name
+        if not isinstance(original, str) or not original.strip():
+            original = f"bone_{node}"
+            nameless.append(original)
+        name, number = original, 2
+        while name in names or (name != original and name in given):
+            name, number = f"{original}_{number}", number + 1
+        if name != original:
+            file.warn(f"bone {original!r} is there more than once: one is now {name!r}")
+        names[name] = None
+    if nameless:
+        file.warn(f"{len(nameless)} bones had no name: named by their nodes, as {nameless[0]!r}")
+    return list(names)
+
+
+def _bind_rigid(
+    file: GltfFile, node: int, bone_of_node: dict[int, int], names: list[str], label: str
+) -> Binding:
+    """A mesh without a skin follows the nearest bone above it."""
+    above = [bone_of_node[n] for n in (node, *file.ancestors(node)) if n in bone_of_node]
+    if not above:
+        file.warn(f"{label} hangs on no bone: it follows {names[0]!r}")
+    bone = above[0] if above else 0
+    return Binding(
+        label=label,
+        bones=np.array([bone]),
+        matrices=file.world_matrices[node][None],
+        origins=np.zeros((1, 3)),
+        rigid=True,
+    )
+
+
+def _armature(
+    file: GltfFile,
+    joints: list[int],
+    bone_of_node: dict[int, int],
+    names: list[str],
+    meshes: tuple[Mesh, ...],
+) -> Armature:
+    world = file.world_matrices[joints]
+    if not np.isfinite(world).all():
+        bone = int(np.flatnonzero(~np.isfinite(world).all(axis=(1, 2)))[0])
+        raise file.bad(f"nodes[{joints[bone]}]", f"bone {names[bone]!r} is infinitely far away")
+    origins, turns = world[:, :3, 3], _nearest_rotations(world[:, :3, :3])
+    parents = [
+        next((bone_of_node[n] for n in file.ancestors(node) if n in bone_of_node), -1)
+        for node in joints
+    ]
+    offsets, local = origins.copy(), turns.copy()
+    for bone, parent in enumerate(parents):
+        if parent >= 0:
+            offsets[bone] = turns[parent].T @ (origins[bone] - origins[parent])
+            local[bone] = turns[parent].T @ turns[bone]
+    ends = _tips(parents, origins, meshes)
+    return Armature.build(
+        file.path.stem,
+        names,
+        parents,
+        offsets,
+        Rotation.from_matrix(local).as_quat(canonical=True),
+        np.einsum("bji,bj->bi", turns, ends - origins),
+    )
+
+
+def _nearest_rotations(matrices: Floats) -> Floats:
+    """What is left of (B, 3, 3) linear maps without scale, shear and mirroring. -> (B, 3, 3)"""
+    u, _, vt = np.linalg.svd(matrices)
+    mirrored = np.linalg.det(u @ vt) < 0.0
+    u[mirrored, :, 2] *= -1.0
+    turns: Floats = u @ vt
+    return turns
+
+
+def _tips(parents: list[int], origins: Floats, meshes: tuple[Mesh, ...]) -> Floats:
+    """Where each bone ends, which glTF does not say. -> (B, 3), armature frame
+
+    At the middle of its children's origins; a leaf ends where its own part of the skin does, seen
+    along the direction in which most of that skin lies, or goes on as its parent did.
+    """
+    points, owners = [np.zeros((0, 3))], [np.zeros(0, int)]
+    for mesh in meshes:
+        points.append(mesh.positions.astype(float))
+        strongest = mesh.weights.argmax(axis=1)[:, None]
+        owners.append(np.take_along_axis(mesh.bones, strongest, axis=1)[:, 0].astype(int))
+    skin, owner = np.concatenate(points), np.concatenate(owners)
+    order = np.argsort(owner, kind="stable")
+    skin, bounds = skin[order], np.searchsorted(owner[order], np.arange(len(origins) + 1))
+
+    everything = np.concatenate([origins, skin])
+    size = float(np.ptp(everything, axis=0).max()) or 1.0
+    children: list[list[int]] = [[] for _ in parents]
+    for bone, parent in enumerate(parents):
+        if parent >= 0:
+            children[parent].append(bone)
+    ends = np.empty_like(origins)
+    for bone, parent in enumerate(parents):
+        onwards = np.zeros(3) if parent < 0 else ends[parent] - origins[parent]
+        if parent >= 0 and not children[bone]:
+            onwards = origins[bone] - origins[parent]
+        if children[bone]:
+            middle = origins[children[bone]].mean(axis=0)
+            if np.linalg.norm(middle - origins[bone]) > 1e-3 * size:
+                ends[bone] = middle
+                continue
+        around = skin[bounds[bone] : bounds[bone + 1]] - origins[bone]
+        ends[bone] = origins[bone] + _reach(around, onwards, size)
+    return ends
+
+
+def _reach(around: Floats, onwards: Floats, size: float) -> Floats:
+    """From a bone's origin to its end, judged by the skin around it. (V, 3), (3,) -> (3,)"""
+    if len(around):
+        centre = around.mean(axis=0)
+        spread = float(np.sqrt(((around - centre) ** 2).sum(axis=1).mean()))
+        direction = centre if np.linalg.norm(centre) > 0.3 * spread else onwards
+        length = float(np.linalg.norm(direction))
+        if length > 1e-4 * size:
+            reach = float((around @ direction).max()) / length
+            if reach > 1e-3 * size:
+                return direction / length * reach
+    length = float(np.linalg.norm(onwards))
+    if length > 1e-4 * size:
+        return onwards
+    return np.array([0.0, 0.05 * size, 0.0])

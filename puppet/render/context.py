@@ -1,0 +1,33 @@
+"""A GL context without a window."""
+
+from __future__ import annotations
+
+import moderngl
+
+from puppet.errors import UnavailableError
+
+#: Renderers that draw on the processor, where every sample is paid in full.
+_SOFTWARE = ("llvmpipe", "softpipe", "swiftshader", "software rasterizer")
+
+
+def headless_context() -> moderngl.Context:
+    """A fresh GL 3.3 context on no display, by EGL; without a graphics card Mesa draws in software.
+
+    Raises UnavailableError where there is no EGL or no GL 3.3.
+    """
+    try:
+        return moderngl.create_context(standalone=True, backend="egl", require=330)
+    # glcontext raises bare Exceptions, and what it says depends on the library that is missing.
+    except Exception as error:
+        raise UnavailableError(
+            "there is no GL to draw with",
+            expected="OpenGL 3.3 by EGL",
+            found=str(error) or type(error).__name__,
+            hint="apt install libegl1 libgl1 (and libgl1-mesa-dri to draw without a graphics card)",
+        ) from error
+
+
+def is_software(ctx: moderngl.Context) -> bool:
+    """Whether the processor does the drawing."""
+    name = str(ctx.info.get("GL_RENDERER", "")).lower()
+    return any(word in name for word in _SOFTWARE)

@@ -1,0 +1,129 @@
+"""Rods: capsules and spheres, many in one call. The performer is made of them, and so are marks."""
+
+from __future__ import annotations
+
+from enum import IntEnum
+from typing import Final
+
+import moderngl
+import numpy as np
+from numpy.typing import NDArray
+
+from puppet.kernel import Floats
+
+_ROD: Final = np.dtype([("start", "f4", 4), ("end", "f4", 4), ("color", "f4", 4)])
+Rods = NDArray[np.void]
+
+
+class Manner(IntEnum):
+    """How rods are drawn; the numbers are those of ``rod.frag``."""
+
+    SOLID = 0
+    HOLLOW = 1
+    MARK = 2
+
+
+def rods(starts: Floats, ends: Floats, radii: Floats, colors: Floats) -> Rods:
+    """Rods from starts (N, 3) to ends (N, 3), metres, world; spheres where the two are the same.
+
+    radii: (N, 2) metres, at start and end. colors: (N, 4) linear RGBA.
+    """
+    made = np.zeros(len(starts), _ROD)
+    made["start"][:, :3], made["start"][:, 3] = starts, radii[:, 0]
+    made["end"][:, :3], made["end"][:, 3] = ends, radii[:, 1]
+    made["color"] = colors
+    return made
+
+
+def no_rods() -> Rods:
+    """None at all."""
+    return np.zeros(0, _ROD)
+
+
+def boxes_of(made: Rods) -> Floats:
+    """Lowest and highest corner of a box around each rod. -> (N, 2, 3) metres"""
+    ends = np.stack([made["start"], made["end"]], axis=1).astype(float)
+    spheres, radii = ends[:, :, :3], ends[:, :, 3:]
+    return np.stack([(spheres - radii).min(axis=1), (spheres + radii).max(axis=1)], axis=1)
+
+
+def unit_capsule(sides: int, rings: int) -> tuple[NDArray[np.float32], NDArray[np.uint32]]:
+    """A capsule along +Y: rows of normal (3) and along (1), and triangles seen from outside.
+
+    rings: how many steps each of its two half spheres has from pole to rim; 0 leaves them away.
+    """
+    slopes = np.linspace(0.0, -np.pi / 2.0, rings + 1)[::-1]
+    slopes = np.concatenate([slopes, -slopes[::-1]])
+    along = np.repeat([0.0, 1.0], rings + 1)
+    turns = np.arange(sides) * (2.0 * np.pi / sides)
+    vertices = np.empty((len(slopes), sides, 4), np.float32)
+    vertices[..., 0] = np.cos(slopes)[:, None] * np.cos(turns)
+    vertices[..., 1] = np.sin(slopes)[:, None]
+    vertices[..., 2] = np.cos(slopes)[:, None] * np.sin(turns)
+    vertices[..., 3] = along[:, None]
+    row, side = np.meshgrid(np.arange(len(slopes) - 1), np.arange(sides), indexing="ij")
+    a, b = row * sides + side, row * sides + (side + 1) % sides
+    quads = np.stack([a, a + sides, b, b, a + sides, b + sides], axis=-1)
+    return vertices.reshape(-1, 4), quads.reshape(-1, 3).astype(np.uint32)
+
+
+class RodBatch:
+    """The rods of one manner on the graphics card."""
+
+    def __init__(
+        self,
+        ctx: moderngl.Context,
+        lit: moderngl.Program,
+        shadow: moderngl.Program,
+        manner: Manner,
+        *,
+        sides: int,
+        rings: int,
+    ) -> None:
+        vertices, triangles = unit_capsule(sides, rings)
+        self._manner = manner
+        self._program = lit
+        self._shape = ctx.buffer(vertices.tobytes())
+        self._index = ctx.buffer(triangles.tobytes())
+        self._instances = ctx.buffer(reserve=64 * _ROD.itemsize, dynamic=True)
+        self._count = 0
+        attributes = ("in_start", "in_end", "in_color")
+        self._lit = ctx.vertex_array(
+            lit,
+            [
+                (self._shape, "3f 1f", "in_normal", "in_along"),
+                (self._instances, "4f 4f 4f/i", *attributes),
+            ],
+            self._index,
+        )
+        self._shadow = ctx.vertex_array(
+            shadow,
+            [
+                (self._shape, "3f 1f", "in_normal", "in_along"),
+                (self._instances, "4f 4f 16x/i", *attributes[:2]),
+            ],
+            self._index,
+        )
+
+    def take(self, made: Rods) -> None:
+        """Hold these rods, and no others."""
+        self._count = len(made)
+        if self._count:
+            self._instances.orphan(max(self._instances.size, made.nbytes))
+            self._instances.write(made.tobytes())
+
+    def draw(self) -> None:
+        """Draw them lit."""
+        if self._count:
+            self._program["manner"] = int(self._manner)
+            self._lit.render(instances=self._count)
+
+    def draw_shadow(self) -> None:
+        """Draw them into the shadow map."""
+        if self._count:
+            self._shadow.render(instances=self._count)
+
+    def release(self) -> None:
+        """Give back what the graphics card holds."""
+        for held in (self._lit, self._shadow, self._instances, self._index, self._shape):
+            held.release()

@@ -1,0 +1,16 @@
+// How much of the key light arrives: 1 in the light, 0 in the shadow.
+
+uniform sampler2DShadow shadow_map;
+
+float key_light(vec3 position, vec3 normal) {
+    // Stepping off the surface instead of a large depth bias keeps shadows attached to feet.
+    vec3 place = (shadow_from_world * vec4(position + normal * (1.5 * eye.w), 1.0)).xyz;
+    float texel = SHADOW_SPREAD / SHADOW_SIZE;
+    vec4 lit = vec4(
+        texture(shadow_map, place + vec3(-0.35, -0.90, 0.0) * texel),
+        texture(shadow_map, place + vec3(0.90, -0.35, 0.0) * texel),
+        texture(shadow_map, place + vec3(0.35, 0.90, 0.0) * texel),
+        texture(shadow_map, place + vec3(-0.90, 0.35, 0.0) * texel)
+    );
+    return dot(lit, vec4(0.25));
+}

@@ -1,0 +1,264 @@
+"""BlazePose: 33 landmarks of one person in an image, in pixels and in metres.
+
+A detector looks for people in the whole image, only while nobody is followed; a landmark network
+then looks at a square, turned so that the body stands upright in it, and finds with the landmarks
+where that square has to be in the next image. (Bazarevsky 2020, "BlazePose"; the numbers below
+are those with which the two networks were trained.)
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cache
+from typing import Any, Final
+
+import cv2
+import numpy as np
+import onnxruntime
+from numpy.typing import NDArray
+
+from puppet.errors import UnavailableError
+from puppet.kernel import Floats, frozen
+from puppet.tracking.models import GET_MODELS, PoseModels
+
+LANDMARK_COUNT: Final = 33
+#: Two more points that the network gives, from which the next region is made.
+POINT_COUNT: Final = 39
+REGION_CENTRE, REGION_EDGE = 33, 34
+
+DETECTOR_SIDE: Final = 224
+#: Cells along a side of each of the detector's grids, and boxes at each cell.
+DETECTOR_GRIDS: Final = ((28, 2), (14, 2), (7, 6))
+DETECTION_SCORE: Final = 0.5
+DETECTION_OVERLAP: Final = 0.3
+
+LANDMARK_SIDE: Final = 256
+#: Below it the landmark network says that there is nobody in the region.
+PRESENCE_SCORE: Final = 0.5
+#: The region is larger than the circle about the body by this factor.
+REGION_MARGIN: Final = 1.25
+HEATMAP_WINDOW: Final = 7
+HEATMAP_SCORE: Final = 0.5
+
+Image = NDArray[np.uint8]
+Singles = NDArray[np.float32]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Region:
+    """A square in the image in which a body stands upright.
+
+    centre: (2,) pixels, as in `Landmarks.pixels`. side: pixels.
+    angle: radians, how far the body is turned clockwise, as seen, from upright in the image.
+    """
+
+    centre: Floats
+    side: float
+    angle: float
+
+    @classmethod
+    def around(cls, centre: Floats, edge: Floats) -> Region:
+        """The region of a body from the middle of its hips to a point on the circle about it that
+        lies in the direction of its head. Both (2,), pixels."""
+        along = edge - centre
+        angle = math.atan2(along[0], -along[1])
+        return cls(centre, 2.0 * REGION_MARGIN * math.hypot(*along), angle)
+
+    def turned(self, angle: float) -> Region:
+        """The same square, turned clockwise by `angle` (rad) about its middle."""
+        return Region(self.centre, self.side, self.angle + angle)
+
+    def image_from_region(self) -> Floats:
+        """(2, 3): takes (x, y, 1), x and y in -0.5..0.5 of the side, to pixels."""
+        c, s = self.side * math.cos(self.angle), self.side * math.sin(self.angle)
+        return np.array([[c, -s, self.centre[0]], [s, c, self.centre[1]]])
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Landmarks:
+    """One person in one image.
+
+    pixels: (33, 2), x right, y down, pixel centres at whole numbers; may lie outside the image.
+    world: (33, 3) metres from the middle of the hips, camera axes: x right, y down, z away.
+    visibility: (33,) in 0..1, seen and not hidden. It is optimistic.
+    presence: (33,) in 0..1, inside the image, seen or not.
+    score: in 0..1, that there is a person at all. region: where it was looked for.
+    """
+
+    pixels: Floats
+    world: Floats
+    visibility: Floats
+    presence: Floats
+    score: float
+    region: Region
+
+
+class BlazePose:
+    """Follows one person from image to image.
+
+    When nobody is followed, the largest person that the detector finds is taken.
+    """
+
+    def __init__(self, models: PoseModels) -> None:
+        self._detector = _session(models.detector)
+        self._landmarker = _session(models.landmarks)
+        self._region: Region | None = None
+
+    def reset(self) -> None:
+        """Forget whom it followed."""
+        self._region = None
+
+    def track(self, image: Image) -> Landmarks | None:
+        """The person in `image`, (H, W, 3), BGR as OpenCV gives it; None if there is nobody."""
+        found = None if self._region is None else self._look(image, self._region)
+        if found is None:
+            looks = (self._look(image, region) for region in self.detect(image))
+            found = next((look for look in looks if look is not None), None)
+        self._region = None if found is None else found[1]
+        return None if found is None else found[0]
+
+    def look(self, image: Image, region: Region) -> Landmarks | None:
+        """The person in that region of `image`; does not change whom it follows."""
+        found = self._look(image, region)
+        return None if found is None else found[0]
+
+    def detect(self, image: Image) -> list[Region]:
+        """The people in `image`, the largest first."""
+        height, width = image.shape[:2]
+        # The network takes the whole image in the middle of a black square.
+        scale = DETECTOR_SIDE / max(height, width)
+        shift = 0.5 * (DETECTOR_SIDE - scale * np.array([width, height]))
+        to_square = np.column_stack([np.eye(2) * scale, shift + 0.5 * (scale - 1.0)])
+        square = cv2.warpAffine(image, to_square, (DETECTOR_SIDE, DETECTOR_SIDE))
+        pixels = square[None, :, :, ::-1].astype(np.float32) * (2.0 / 255.0) - 1.0
+        boxes, scores = self._detector.run(["boxes", "scores"], {"input_1": pixels})
+        # A score comes as a logit. Boxes: middle, size, then four points, in pixels of the square
+        # from the middle of their cell.
+        chances = _sigmoid(scores[0, :, 0])
+        likely = chances > DETECTION_SCORE
+        boxes, chances = boxes[0, likely].astype(float), chances[likely]
+        cells = _cell_centres()[likely]
+        boxes[:, 0:2] += cells
+        boxes[:, 4:] += np.tile(cells, 4)
+        regions = []
+        for box in _merge_overlapping(boxes, chances):
+            centre, edge = (box[4:8].reshape(2, 2) - shift) / scale - 0.5
+            if math.dist(centre, edge) > 1.0:
+                regions.append(Region.around(centre, edge))
+        return sorted(regions, key=lambda region: -region.side)
+
+    def _look(self, image: Image, region: Region) -> tuple[Landmarks, Region | None] | None:
+        """The person in `region`, and where to look in the next image."""
+        image_from_region = region.image_from_region()
+        crop = _crop(image, image_from_region)
+        names = ["landmarks", "score", "heatmap", "world"]
+        points, score, heatmap, world = self._landmarker.run(names, {"input_1": crop})
+        # `not >`: a network that gives NaN has found nobody either.
+        if not score[0, 0] > PRESENCE_SCORE:
+            return None
+        # x, y, z in pixels of the crop, logit of visibility, logit of presence
+        points = points.reshape(POINT_COUNT, 5).astype(float)
+        chances = _sigmoid(points[:LANDMARK_COUNT, 3:])
+        inside = points[:, :2] / LANDMARK_SIDE
+        _refine(inside, heatmap[0])
+        pixels = (inside - 0.5) @ image_from_region[:, :2].T + image_from_region[:, 2]
+        centre, edge = pixels[[REGION_CENTRE, REGION_EDGE]]
+        following = Region.around(centre, edge) if math.dist(centre, edge) > 1.0 else None
+        # The world landmarks are upright in the region, too: they turn back with it.
+        metres = world.reshape(POINT_COUNT, 3)[:LANDMARK_COUNT].astype(float)
+        metres[:, :2] = metres[:, :2] @ (image_from_region[:, :2] / region.side).T
+        pixels = pixels[:LANDMARK_COUNT]
+        visibility, presence = chances.T
+        found = Landmarks(pixels, metres, visibility, presence, float(score[0, 0]), region)
+        return found, following
+
+
+def _session(path: Any) -> Any:
+    options = onnxruntime.SessionOptions()
+    # One thread each: more cost other processes their time and gain little on nets this small.
+    options.intra_op_num_threads = 1
+    options.inter_op_num_threads = 1
+    options.log_severity_level = 4
+    try:
+        return onnxruntime.InferenceSession(str(path), options, providers=["CPUExecutionProvider"])
+    except Exception as error:  # the library's own errors have no useful common base
+        raise UnavailableError(
+            "this pose model cannot be loaded", where=path, found=str(error), hint=GET_MODELS
+        ) from None
+
+
+@cache
+def _cell_centres() -> Floats:
+    """(N, 2) pixels in the detector's square: the middle of the cell of each box."""
+    centres = []
+    for side, boxes in DETECTOR_GRIDS:
+        row, column, _ = np.indices((side, side, boxes))
+        cell = np.stack([column.ravel(), row.ravel()], axis=1) + 0.5
+        centres.append(cell * (DETECTOR_SIDE / side))
+    return frozen(np.concatenate(centres))
+
+
+def _merge_overlapping(boxes: Floats, scores: Floats) -> list[Floats]:
+    """One box for each group of boxes that overlap: their mean, weighted by score; best first.
+
+    (N, 4 + ...) boxes that begin with middle and size, (N,) scores.
+    """
+    low = boxes[:, 0:2] - 0.5 * boxes[:, 2:4]
+    high = boxes[:, 0:2] + 0.5 * boxes[:, 2:4]
+    area = np.prod(np.maximum(high - low, 0.0), axis=1)
+    left = np.argsort(-scores)
+    merged = []
+    while len(left):
+        best = left[0]
+        sides = np.minimum(high[best], high[left]) - np.maximum(low[best], low[left])
+        common = np.prod(np.maximum(sides, 0.0), axis=1)
+        same = common > DETECTION_OVERLAP * (area[best] + area[left] - common)
+        same[0] = True  # even if it has no area
+        group = left[same]
+        merged.append(np.average(boxes[group], axis=0, weights=scores[group]))
+        left = left[~same]
+    return merged
+
+
+def _crop(image: Image, image_from_region: Floats) -> Singles:
+    """(1, 256, 256, 3) in 0..1, RGB: what the landmark network sees of the region."""
+    # The crop's pixels have their middles half a step from its sides.
+    step = 1.0 / LANDMARK_SIDE
+    region_from_crop = np.array(
+        [[step, 0.0, 0.5 * step - 0.5], [0.0, step, 0.5 * step - 0.5], [0.0, 0.0, 1.0]]
+    )
+    crop = cv2.warpAffine(
+        image,
+        image_from_region @ region_from_crop,
+        (LANDMARK_SIDE, LANDMARK_SIDE),
+        flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP,
+        borderMode=cv2.BORDER_REPLICATE,
+    )
+    return crop[None, :, :, ::-1].astype(np.float32) * np.float32(1.0 / 255.0)
+
+
+def _refine(points: Floats, heatmap: Singles) -> None:
+    """Move each point to the middle of the heat around it, where that is clear. In place.
+
+    points: (39, 2) in 0..1 of the side. heatmap: (h, w, 39) logits.
+    """
+    height, width, _ = heatmap.shape
+    reach = HEATMAP_WINDOW // 2
+    columns = np.floor(np.nan_to_num(points[:, 0]) * width).astype(int)
+    rows = np.floor(np.nan_to_num(points[:, 1]) * height).astype(int)
+    for i, (column, row) in enumerate(zip(columns.tolist(), rows.tolist(), strict=True)):
+        if not (0 <= column < width and 0 <= row < height):
+            continue
+        left, top = max(0, column - reach), max(0, row - reach)
+        heat = _sigmoid(heatmap[top : row + reach + 1, left : column + reach + 1, i].astype(float))
+        if heat.max() < HEATMAP_SCORE:
+            continue
+        total = heat.sum()
+        points[i, 0] = (left + heat.sum(axis=0) @ np.arange(heat.shape[1]) / total) / width
+        points[i, 1] = (top + heat.sum(axis=1) @ np.arange(heat.shape[0]) / total) / height
+
+
+def _sigmoid(logits: NDArray[Any]) -> Floats:
+    clipped = np.clip(logits, -60.0, 60.0)
+    return np.asarray(1.0 / (1.0 + np.exp(-clipped)), dtype=float)

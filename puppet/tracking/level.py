@@ -1,0 +1,126 @@
+"""Which way is up, and where the floor is, learnt from the people who stand on it.
+
+A camera that hangs askew sees a level floor askew. People stand upright on the whole, and at least
+one foot is on the floor most of the time: that is enough, if nothing better is known.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from typing import Final
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from puppet.kernel import Floats
+from puppet.rotation import rotate, swing
+from puppet.skeleton import Joint, TrackingState
+
+#: The camera's own up counts as so many people standing; more than the most are forgotten.
+PRIOR_COUNT: Final = 10.0
+MOST_COUNT: Final = 1000.0
+#: Whoever stands has trunk and both legs in one line: the cosine of the largest angle between.
+STRAIGHT: Final = 0.9
+#: So many feet are remembered, and this part of them may be below the floor.
+FEET_KEPT: Final = 600
+BELOW_FLOOR: Final = 0.1
+#: While it is still being learnt, the floor moves by this part of the way at each frame.
+FLOOR_STEP: Final = 0.05
+#: From the floor to the hips, metres, for those whose feet were never seen.
+HIP_HEIGHT: Final = 0.95
+
+_STANDING: Final = [
+    Joint.HIP_CENTER,
+    Joint.SHOULDER_CENTER,
+    Joint.HIP_LEFT,
+    Joint.HIP_RIGHT,
+    Joint.ANKLE_LEFT,
+    Joint.ANKLE_RIGHT,
+]
+_FEET: Final = [Joint.FOOT_LEFT, Joint.FOOT_RIGHT]
+
+
+class Level:
+    """Turns a camera's axes until up is +Y, and lifts them until the floor is at y = 0.
+
+    Both are of the camera: right-handed, x to the right in its image, z from the scene towards it,
+    y about up. The camera's axis keeps its heading, so whoever faces the camera faces +Z.
+    """
+
+    def __init__(self, up: ArrayLike | None = None, floor: float | None = None) -> None:
+        """up: (3,) in the camera's axes; any length. floor: metres from the floor up to the
+        camera. What is None is learnt."""
+        self._known_up = up is not None
+        self._floor = floor
+        self._known_floor = floor is not None
+        direction = np.array([0.0, 1.0, 0.0] if up is None else up, float)
+        self._sum = PRIOR_COUNT * direction / np.linalg.norm(direction)
+        self._count = PRIOR_COUNT
+        self._feet: deque[Floats] = deque(maxlen=FEET_KEPT)
+
+    @property
+    def up(self) -> Floats:
+        """(3,) unit vector in the camera's axes."""
+        return np.asarray(self._sum / np.linalg.norm(self._sum))
+
+    def observe(self, positions: Floats, states: NDArray[np.uint8]) -> None:
+        """Learn from a performer: (20, 3) metres in the camera's axes, and their states (20,)."""
+        if not self._known_up:
+            self._observe_up(positions, states)
+        if not self._known_floor:
+            feet = positions[_FEET][states[_FEET] != TrackingState.NOT_TRACKED]
+            if len(feet):
+                self._feet.append(feet)
+            elif not self._feet and self._floor is None:
+                self._floor = HIP_HEIGHT - float(positions[Joint.HIP_CENTER] @ self.up)
+            if self._feet:
+                target = self._learnt_floor()
+                before = target if self._floor is None else self._floor
+                self._floor = before + FLOOR_STEP * (target - before)
+
+    def settle(self) -> None:
+        """Take what was learnt so far for the truth at once."""
+        if self._feet:
+            self._floor = self._learnt_floor()
+
+    def stage_from_camera(self) -> tuple[Floats, Floats]:
+        """Rotation matrix (3, 3) and shift (3,): stage = rotation @ camera + shift."""
+        up = self.up
+        ahead = np.array([0.0, 0.0, 1.0]) - up[2] * up
+        length = float(np.linalg.norm(ahead))
+        if length > 0.1:
+            z = ahead / length
+            rotation = np.stack([np.cross(up, z), up, z])
+        else:  # it looks straight up or down, and has no heading of its own
+            turn = swing(up, np.array([0.0, 1.0, 0.0]))
+            rotation = np.stack([rotate(turn, axis) for axis in np.eye(3)], axis=1)
+        return rotation, np.array([0.0, self._floor or 0.0, 0.0])
+
+    def to_stage(self, positions: Floats) -> Floats:
+        """(N, 3) metres, the camera's axes -> the stage frame, below the camera at x = z = 0."""
+        rotation, shift = self.stage_from_camera()
+        return np.asarray(positions @ rotation.T + shift)
+
+    def _observe_up(self, positions: Floats, states: NDArray[np.uint8]) -> None:
+        if (states[_STANDING] == TrackingState.NOT_TRACKED).any():
+            return
+        hips, shoulders, left_hip, right_hip, left, right = positions[_STANDING]
+        trunk = shoulders - hips
+        legs = (left_hip - left, right_hip - right)
+        if min(_cosine(trunk, leg) for leg in legs) < STRAIGHT:
+            return
+        along = shoulders - 0.5 * (left + right)
+        self._count = min(self._count + 1.0, MOST_COUNT)
+        mean = self._sum / np.linalg.norm(self._sum)
+        mean += (along / np.linalg.norm(along) - mean) / self._count
+        self._sum = mean
+
+    def _learnt_floor(self) -> float:
+        """Metres from the floor up to the camera, as the feet remembered say."""
+        up = self.up
+        lowest = [float((feet @ up).min()) for feet in self._feet]
+        return -float(np.quantile(lowest, BELOW_FLOOR))
+
+
+def _cosine(a: Floats, b: Floats) -> float:
+    return float(a @ b / max(float(np.linalg.norm(a) * np.linalg.norm(b)), 1e-9))

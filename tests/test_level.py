@@ -1,0 +1,125 @@
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
+
+from puppet.kernel import Bytes, Floats
+from puppet.skeleton import JOINT_COUNT, Joint, TrackingState
+from puppet.tracking.level import Level
+
+TRACKED: Bytes = np.full(JOINT_COUNT, TrackingState.TRACKED, np.uint8)
+
+
+def standing() -> Floats:
+    """Somebody of 1.7 m on the floor, facing +Z, 3 m before a camera at x = z = 0."""
+    places = {
+        "HIP_CENTER": (0.0, 1.0, 0.0), "SPINE": (0.0, 1.15, 0.0),
+        "SHOULDER_CENTER": (0.0, 1.45, 0.0), "HEAD": (0.0, 1.65, 0.02),
+        "SHOULDER_LEFT": (0.18, 1.4, 0.0), "ELBOW_LEFT": (0.2, 1.1, 0.0),
+        "WRIST_LEFT": (0.2, 0.85, 0.05), "HAND_LEFT": (0.2, 0.78, 0.06),
+        "HIP_LEFT": (0.1, 0.95, 0.0), "KNEE_LEFT": (0.1, 0.5, 0.02),
+        "ANKLE_LEFT": (0.1, 0.08, 0.0), "FOOT_LEFT": (0.1, 0.0, 0.12),
+    }  # fmt: skip
+    positions = np.zeros((JOINT_COUNT, 3))
+    for name, place in places.items():
+        positions[Joint[name]] = place
+        mirror = Joint[name.replace("LEFT", "RIGHT")]
+        positions[mirror] = np.multiply(place, (-1.0, 1.0, 1.0)) if mirror != Joint[name] else place
+    return positions - (0.0, 0.0, 3.0)
+
+
+def seen_by(camera_height: float, pitch: float, roll: float) -> tuple[Floats, Floats]:
+    """The same body and up in the axes of a camera that is tilted down and rolled (rad)."""
+    camera_from_stage = Rotation.from_euler("zx", [roll, pitch]).inv()
+    body = camera_from_stage.apply(standing() - (0.0, camera_height, 0.0))
+    return body, camera_from_stage.apply([0.0, 1.0, 0.0])
+
+
+tilts = st.tuples(st.floats(0.5, 3.0), st.floats(-0.7, 0.7), st.floats(-0.5, 0.5))
+
+
+@given(tilts)
+def test_a_known_up_and_floor_bring_the_body_back(tilt: tuple[float, float, float]) -> None:
+    body, up = seen_by(*tilt)
+    found = Level(up * 9.81, floor=tilt[0]).to_stage(body)
+    np.testing.assert_allclose(found[:, 1], standing()[:, 1], atol=1e-9)
+    # The heading is the camera's own: only lengths are the same for sure.
+    np.testing.assert_allclose(np.linalg.norm(found[0] - found[7]), 0.304, atol=1e-3)
+
+
+@given(st.floats(0.5, 3.0), st.floats(-0.7, 0.7))
+def test_whoever_faces_a_camera_that_only_looks_down_faces_z(height: float, pitch: float) -> None:
+    body, up = seen_by(height, pitch, 0.0)
+    np.testing.assert_allclose(Level(up, height).to_stage(body), standing(), atol=1e-9)
+
+
+@given(tilts)
+def test_standing_people_tell_up_and_floor(tilt: tuple[float, float, float]) -> None:
+    body, up = seen_by(*tilt)
+    level = Level()
+    for _ in range(900):
+        level.observe(body, TRACKED)
+    level.settle()
+    assert math.degrees(math.acos(min(1.0, level.up @ up))) < 2.0
+    np.testing.assert_allclose(level.to_stage(body)[:, 1], standing()[:, 1], atol=0.05)
+
+
+def test_a_bow_does_not_tilt_the_world() -> None:
+    body = standing()
+    upper = [joint for joint in Joint if joint.name.split("_")[0] not in ("HIP", "KNEE", "ANKLE")]
+    upper = [joint for joint in upper if not joint.name.startswith("FOOT")] + [Joint.HIP_CENTER]
+    pivot = body[Joint.HIP_CENTER].copy()
+    body[upper] = Rotation.from_euler("x", 1.2).apply(body[upper] - pivot) + pivot
+    level = Level()
+    for _ in range(300):
+        level.observe(body, TRACKED)
+    np.testing.assert_array_equal(level.up, [0.0, 1.0, 0.0])
+
+
+def test_a_jump_does_not_move_the_floor() -> None:
+    level = Level(up=(0.0, 1.0, 0.0))
+    for frame in range(120):
+        lift = 0.4 if 50 <= frame < 65 else 0.0
+        level.observe(standing() + (0.0, lift, 0.0), TRACKED)
+    level.settle()
+    assert level.to_stage(standing())[:, 1].min() == pytest.approx(0.0, abs=1e-9)
+
+
+def test_the_floor_does_not_leap_while_it_is_learnt() -> None:
+    level = Level(up=(0.0, 1.0, 0.0))
+    heights = []
+    for frame in range(300):
+        drop = 0.3 if frame >= 100 else 0.0
+        level.observe(standing() - (0.0, drop, 0.0), TRACKED)
+        heights.append(level.stage_from_camera()[1][1])
+    assert np.abs(np.diff(heights)).max() < 0.02
+    assert heights[-1] == pytest.approx(0.3, abs=0.01)
+
+
+def test_without_feet_the_hips_tell_the_floor() -> None:
+    states = TRACKED.copy()
+    states[[Joint.FOOT_LEFT, Joint.FOOT_RIGHT, Joint.ANKLE_LEFT, Joint.ANKLE_RIGHT]] = 0
+    level = Level()
+    level.observe(standing() - (0.0, 1.0, 0.0), states)
+    assert level.to_stage(standing() - (0.0, 1.0, 0.0))[0, 1] == pytest.approx(0.95)
+
+
+@pytest.mark.parametrize("up", [(0.0, 0.0, 1.0), (0.0, 0.0, -1.0)])
+def test_a_camera_that_looks_straight_down_or_up_is_levelled(
+    up: tuple[float, float, float],
+) -> None:
+    rotation, _ = Level(up).stage_from_camera()
+    np.testing.assert_allclose(rotation @ up, [0.0, 1.0, 0.0], atol=1e-9)
+    np.testing.assert_allclose(rotation @ rotation.T, np.eye(3), atol=1e-9)
+    assert np.linalg.det(rotation) == pytest.approx(1.0)
+
+
+def test_nothing_is_learnt_before_anybody_came() -> None:
+    level = Level()
+    level.settle()
+    np.testing.assert_allclose(level.to_stage(standing()), standing())

@@ -1,0 +1,91 @@
+"""Messages: back and forth, versions, and a guard against layouts that drift."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+
+import msgspec
+import numpy as np
+import pytest
+
+from puppet.errors import BadMessageError
+from puppet.net import messages
+from puppet.net.messages import (
+    CastMessage,
+    Decoder,
+    HealthMessage,
+    Message,
+    PuppetPose,
+    SceneMessage,
+    SkeletonMessage,
+    encode,
+)
+from puppet.pose import Pose
+from puppet.skeleton import SkeletonFrame
+
+#: Version -> fingerprint of all layouts. After a change of layout: a new version, a new line here.
+LAYOUTS = {1: "449b001562a07138"}
+
+
+def frame() -> SkeletonFrame:
+    rng = np.random.default_rng(0)
+    return SkeletonFrame(1.5, 7, 2, rng.normal(size=(20, 3)), np.full(20, 2, np.uint8))
+
+
+def skeleton_message() -> SkeletonMessage:
+    return SkeletonMessage.of(frame(), source="s", synthetic=True, stream_ns=1, sent_ns=2)
+
+
+def test_a_skeleton_comes_through_bit_for_bit() -> None:
+    got = Decoder(SkeletonMessage)(encode(skeleton_message())).frame()
+    assert got.positions.tobytes() == frame().positions.tobytes()
+    assert (got.time, got.sequence, got.performer) == (1.5, 7, 2)
+    np.testing.assert_array_equal(got.states, frame().states)
+
+
+def test_a_pose_comes_through_bit_for_bit() -> None:
+    rng = np.random.default_rng(0)
+    pose = Pose(rng.normal(size=3), rng.normal(size=4), rng.normal(size=(8, 4)))
+    got = PuppetPose.of("fish", pose).pose()
+    assert got.bones.tobytes() == pose.bones.tobytes()
+    assert got.translation.tobytes() == pose.translation.tobytes()
+
+
+def test_the_layout_of_messages_changes_only_with_the_version() -> None:
+    kinds = [SkeletonMessage, SceneMessage, CastMessage, HealthMessage]
+    schema = json.dumps(msgspec.json.schema_components(kinds), sort_keys=True, default=str)
+    fingerprint = hashlib.sha256(schema.encode()).hexdigest()[:16]
+    assert LAYOUTS.get(messages.VERSION) == fingerprint
+
+
+def test_another_version_is_refused_by_its_number_even_with_another_layout() -> None:
+    class Future(Message, tag="skeleton", frozen=True, kw_only=True):
+        limbs: int
+
+    with pytest.raises(BadMessageError, match="another version") as caught:
+        Decoder(SkeletonMessage)(encode(Future(version=9, limbs=3)))
+    assert "9" in str(caught.value)
+    same_layout = msgspec.structs.replace(skeleton_message(), version=2)
+    with pytest.raises(BadMessageError, match="another version"):
+        Decoder(SkeletonMessage)(encode(same_layout))
+
+
+@pytest.mark.parametrize("data", [b"", b"\xff\x00", b"hello", msgspec.msgpack.encode([1, 2])])
+def test_bytes_that_are_no_message_are_refused(data: bytes) -> None:
+    with pytest.raises(BadMessageError, match="cannot be understood"):
+        Decoder(SkeletonMessage)(data)
+
+
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        ({"positions": bytes(10)}, "wrong size"),
+        ({"positions": np.full(60, np.nan).tobytes()}, "not finite"),
+        ({"states": bytes(3)}, "states"),
+        ({"states": bytes([9] * 20)}, "states"),
+    ],
+)
+def test_impossible_skeletons_are_refused(change: dict[str, bytes], says: str) -> None:
+    with pytest.raises(BadMessageError, match=says):
+        msgspec.structs.replace(skeleton_message(), **change).frame()

@@ -1,0 +1,127 @@
+"""Takes: written, read back, cut off, and foreign files in their place."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import jsonschema
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from mcap.reader import make_reader
+
+from puppet.errors import BadFileError
+from puppet.skeleton import JOINT_NAMES, SkeletonFrame
+from puppet.tracking.source import SourceInfo
+from puppet.tracking.take import SCHEMA, read_take, write_take
+
+INFO = SourceInfo("a test", "test", 30.0, synthetic=True, floor=(0.0, 1.0, 0.0, 0.0), note="n")
+RECORDED = sorted((Path(__file__).parent / "recorded_streams").glob("*.mcap"))
+
+
+def some_frames(count: int, seed: int = 0) -> list[SkeletonFrame]:
+    rng = np.random.default_rng(seed)
+    return [
+        SkeletonFrame(
+            i / 30, i, 0, rng.normal(size=(20, 3)), rng.integers(0, 3, 20).astype(np.uint8)
+        )
+        for i in range(count)
+    ]
+
+
+@given(st.integers(0, 40), st.integers(0, 100))
+def test_a_take_gives_back_what_was_written(
+    tmp_path_factory: pytest.TempPathFactory, count: int, seed: int
+) -> None:
+    path = tmp_path_factory.mktemp("take") / "a.mcap"
+    frames = some_frames(count, seed)
+    assert write_take(path, INFO, frames) == count
+    take = read_take(path)
+    assert take.info == INFO
+    assert not take.warnings
+    for wrote, read in zip(frames, take, strict=True):
+        assert (read.sequence, read.performer) == (wrote.sequence, wrote.performer)
+        assert read.time == pytest.approx(wrote.time, abs=1e-6)
+        np.testing.assert_allclose(read.positions, wrote.positions, atol=5.1e-5)
+        np.testing.assert_array_equal(read.states, wrote.states)
+
+
+def test_other_mcap_tools_can_open_it_and_the_schema_is_true(tmp_path: Path) -> None:
+    path = tmp_path / "a.mcap"
+    write_take(path, INFO, some_frames(50))
+    with path.open("rb") as file:
+        reader = make_reader(file)
+        summary = reader.get_summary()
+        assert summary is not None
+        assert summary.statistics is not None
+        assert summary.statistics.message_count == 50
+        for schema, channel, message in reader.iter_messages():
+            assert schema is not None
+            assert (schema.encoding, channel.message_encoding) == ("jsonschema", "json")
+            assert json.loads(schema.data) == SCHEMA
+            jsonschema.validate(json.loads(message.data), SCHEMA)
+        (metadata,) = reader.iter_metadata()
+        assert metadata.metadata["joints"].split() == list(JOINT_NAMES)
+
+
+@pytest.mark.parametrize("share", [0.4, 0.6, 0.8, 0.95])
+def test_a_take_that_was_cut_off_still_gives_its_frames(tmp_path: Path, share: float) -> None:
+    path = tmp_path / "a.mcap"
+    write_take(path, INFO, some_frames(300))
+    data = path.read_bytes()
+    path.write_bytes(data[: int(len(data) * share)])
+    take = read_take(path)
+    assert take.info == INFO
+    assert len(take) >= 300 * share - 60
+    assert any("cut off" in warning for warning in take.warnings) or len(take) == 300
+
+
+@pytest.mark.parametrize(
+    ("content", "says"),
+    [
+        (None, "cannot be opened"),
+        (b"", "empty"),
+        (b"HIERARCHY\nROOT Hips\n", "not a take"),
+        (b"\x89PNG\r\n\x1a\n" + bytes(100), "not a take"),
+        (b"\x89MCAP0\r\n", "not a take"),
+        (b"\x89MCAP0\r\n" + bytes(range(256)), "not a take"),
+    ],
+)
+def test_what_is_not_a_take_is_said_so(tmp_path: Path, content: bytes | None, says: str) -> None:
+    path = tmp_path / "a.mcap"
+    if content is not None:
+        path.write_bytes(content)
+    with pytest.raises(BadFileError, match=says) as caught:
+        read_take(path)
+    assert str(path) in str(caught.value)
+
+
+def test_a_take_of_another_format_version_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "a.mcap"
+    monkeypatch.setattr("puppet.tracking.take.FORMAT_VERSION", 99)
+    write_take(path, INFO, some_frames(3))
+    monkeypatch.undo()
+    with pytest.raises(BadFileError, match="another format version") as caught:
+        read_take(path)
+    assert "99" in str(caught.value)
+
+
+@pytest.mark.parametrize("path", RECORDED, ids=lambda path: path.stem)
+def test_the_recorded_streams_are_small_whole_and_say_what_they_are(path: Path) -> None:
+    take = read_take(path)
+    assert path.stat().st_size < 1_000_000
+    assert not take.warnings
+    assert take.info.licence
+    assert take.info.synthetic == (path.stem == "rehearsal")
+    times = np.array([frame.time for frame in take])
+    assert (np.diff(times) > 0).all()
+    if path.stem == "rehearsal":
+        assert take.duration >= 40.0
+
+
+def test_there_are_recorded_streams() -> None:
+    assert {path.stem for path in RECORDED} >= {"rehearsal", "balance_cam01", "balance_cam04"}
