@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
@@ -58,14 +58,15 @@ def test_whoever_faces_a_camera_that_only_looks_down_faces_z(height: float, pitc
     np.testing.assert_allclose(Level(up, height).to_stage(body), standing(), atol=1e-9)
 
 
+@settings(max_examples=10)
 @given(tilts)
 def test_standing_people_tell_up_and_floor(tilt: tuple[float, float, float]) -> None:
     body, up = seen_by(*tilt)
     level = Level()
-    for _ in range(900):
+    for _ in range(600):
         level.observe(body, TRACKED)
     level.settle()
-    assert math.degrees(math.acos(min(1.0, level.up @ up))) < 2.0
+    assert math.degrees(math.acos(min(1.0, float(level.up @ up)))) < 2.0
     np.testing.assert_allclose(level.to_stage(body)[:, 1], standing()[:, 1], atol=0.05)
 
 
@@ -85,7 +86,7 @@ def test_a_jump_does_not_move_the_floor() -> None:
     level = Level(up=(0.0, 1.0, 0.0))
     for frame in range(120):
         lift = 0.4 if 50 <= frame < 65 else 0.0
-        level.observe(standing() + (0.0, lift, 0.0), TRACKED)
+        level.observe(standing() + np.array([0.0, lift, 0.0]), TRACKED)
     level.settle()
     assert level.to_stage(standing())[:, 1].min() == pytest.approx(0.0, abs=1e-9)
 

@@ -13,6 +13,8 @@ from puppet.kernel import Floats
 
 _ROD: Final = np.dtype([("start", "f4", 4), ("end", "f4", 4), ("color", "f4", 4)])
 Rods = NDArray[np.void]
+#: A slanted rod is not lost in one large box.
+_SLICES: Final = 3
 
 
 class Manner(IntEnum):
@@ -41,10 +43,13 @@ def no_rods() -> Rods:
 
 
 def boxes_of(made: Rods) -> Floats:
-    """Lowest and highest corner of a box around each rod. -> (N, 2, 3) metres"""
-    ends = np.stack([made["start"], made["end"]], axis=1).astype(float)
-    spheres, radii = ends[:, :, :3], ends[:, :, 3:]
-    return np.stack([(spheres - radii).min(axis=1), (spheres + radii).max(axis=1)], axis=1)
+    """Boxes around rods, several along each: lowest and highest corner. -> (N, 2, 3) metres"""
+    start, end = made["start"].astype(float), made["end"].astype(float)
+    steps = np.linspace(0.0, 1.0, _SLICES + 1)[:, None, None]
+    spheres = start + (end - start) * steps
+    low, high = spheres[..., :3] - spheres[..., 3:], spheres[..., :3] + spheres[..., 3:]
+    boxes = np.stack([np.minimum(low[:-1], low[1:]), np.maximum(high[:-1], high[1:])], axis=2)
+    return boxes.reshape(-1, 2, 3)
 
 
 def unit_capsule(sides: int, rings: int) -> tuple[NDArray[np.float32], NDArray[np.uint32]]:

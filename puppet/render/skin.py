@@ -23,11 +23,14 @@ _VERTEX: Final = np.dtype(
 )
 _SKINNED_BYTES: Final = 24
 _SRGB8_ALPHA8: Final = 0x8C43
-#: Emitted light times surface, in squares of the armature's size, from which a mesh is a lamp: the
-#: spark in an eye is none.
-_LAMP: Final = 0.02
-#: A bone takes part in a vertex from this weight on, where boxes are put around bones.
+#: A mesh is a lamp if it emits this much light, from so much surface (in squares of the armature's
+#: size): the spark in an eye is none.
+_LAMP_LIGHT: Final = 0.5
+_LAMP_SURFACE: Final = 0.02
+#: A bone takes part in a vertex from this weight on, where boxes are put around bones; a bone has so
+#: many boxes, one behind the other, that a long one is not lost in a large box.
 _TAKES_PART: Final = 0.1
+_SLICES: Final = 4
 
 
 class SkinPrograms:
@@ -108,7 +111,7 @@ class Skin:
         #: Bone origins (B, 3) and frames (B, 3, 3) in the world, as the last pose has them.
         self.origins, self.frames = positions, self._rest_frames
         self._rows = np.zeros((count, 3, 4), np.float32)
-        self._box_middles, self._box_halves = _bone_boxes(puppet, self._rest_frames)
+        self._box_bones, self._box_middles, self._box_halves = _boxes(puppet, self._rest_frames)
         self._lamps = [
             _glow(mesh) for mesh in puppet.model.meshes if _is_lamp(mesh, self.armature.size)
         ]
@@ -136,9 +139,10 @@ class Skin:
 
     @property
     def boxes(self) -> Floats:
-        """(B, 2, 3) metres, world: lowest and highest corner of a box around each bone's skin."""
-        middles = self.origins + _turned(self.frames, self._box_middles)
-        halves = _turned(np.abs(self.frames), self._box_halves)
+        """(N, 2, 3) metres, world: lowest and highest corner of boxes that hold the skin."""
+        frames = self.frames[self._box_bones]
+        middles = self.origins[self._box_bones] + _turned(frames, self._box_middles)
+        halves = _turned(np.abs(frames), self._box_halves)
         return np.stack([middles - halves, middles + halves], axis=1)
 
     @property
@@ -280,32 +284,52 @@ def _turned(frames: NDArray[Any], vectors: NDArray[Any]) -> Floats:
     return out
 
 
-def _bone_boxes(puppet: PuppetOnStage, rest_frames: Floats) -> tuple[Floats, Floats]:
-    """Middles and half sides (B, 3) of a box around what each bone moves, in the bone's frame.
+def _boxes(puppet: PuppetOnStage, rest_frames: Floats) -> tuple[NDArray[np.intp], Floats, Floats]:
+    """Boxes around what each bone moves: their bone (N,), middle and half sides (N, 3) in its frame.
 
     A bone that moves no skin has a box without size at its origin.
     """
     origins = puppet.model.armature.rest[0]
-    low, high = np.full(origins.shape, np.inf), np.full(origins.shape, -np.inf)
+    count = len(origins)
+    bones, points = [np.arange(count)], [np.zeros((count, 3))]
     for mesh in puppet.model.meshes:
         vertex, column = np.nonzero(mesh.weights >= _TAKES_PART)
-        bones = mesh.bones[vertex, column].astype(int)
-        away = (mesh.positions[vertex] - origins[bones])[:, None, :]
-        own = (away @ rest_frames[bones])[:, 0, :]
-        np.minimum.at(low, bones, own)
-        np.maximum.at(high, bones, own)
-    bare = ~np.isfinite(low).all(axis=1)
-    low[bare] = high[bare] = 0.0
-    return (low + high) / 2.0, (high - low) / 2.0
+        holding = mesh.bones[vertex, column].astype(np.intp)
+        away = (mesh.positions[vertex] - origins[holding])[:, None, :]
+        bones.append(holding)
+        points.append((away @ rest_frames[holding])[:, 0, :])
+    bone, point = np.concatenate(bones), np.concatenate(points)
+    bare = np.bincount(bone, minlength=count) == 1
+    # The origins were only there for bare bones: skin may well be elsewhere.
+    keep = (np.arange(len(bone)) >= count) | bare[bone]
+    bone, point = bone[keep], point[keep]
+
+    low, high = _extremes(bone, point, count)
+    longest = (high - low).argmax(axis=1)
+    rows = np.arange(len(bone))
+    along = point[rows, longest[bone]] - low[bone, longest[bone]]
+    length = np.maximum((high - low)[bone, longest[bone]], 1e-9)
+    part = bone * _SLICES + np.minimum(along / length * _SLICES, _SLICES - 1).astype(np.intp)
+    low, high = _extremes(part, point, count * _SLICES)
+    used = np.unique(part)
+    return used // _SLICES, (low + high)[used] / 2.0, (high - low)[used] / 2.0
+
+
+def _extremes(group: NDArray[np.intp], points: Floats, count: int) -> tuple[Floats, Floats]:
+    """Lowest and highest coordinates of each group of points. -> (count, 3) twice"""
+    low, high = np.full((count, 3), np.inf), np.full((count, 3), -np.inf)
+    np.minimum.at(low, group, points)
+    np.maximum.at(high, group, points)
+    return low, high
 
 
 def _is_lamp(mesh: Mesh, size: float) -> bool:
     emitted = max(mesh.material.emissive)
-    if emitted <= 0.0:
+    if emitted < _LAMP_LIGHT:
         return False
     a, b, c = mesh.positions[mesh.triangles].transpose(1, 0, 2)
     surface = float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum()) / 2.0
-    return emitted * surface > _LAMP * size**2
+    return surface > _LAMP_SURFACE * size**2
 
 
 def _glow(mesh: Mesh) -> Glow:

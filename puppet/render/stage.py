@@ -14,9 +14,10 @@ from puppet.render.camera import Camera
 from puppet.render.program import STAGE_BINDING, TEXTURE_UNITS, load_program
 from puppet.render.skin import Glow
 
-#: Texels on each side of the shadow map; how far its four samples lie apart, in texels. What the
-#: programs that receive shadows are built with.
-SHADOW: Final = {"SHADOW_SIZE": 1024, "SHADOW_SPREAD": 2}
+#: What programs that receive shadows are built with: texels on each side of the shadow map, how far
+#: from the middle its samples are taken, in texels, and how many. The floor shows shadows best.
+SHADOW: Final = {"SHADOW_SIZE": 1024, "SHADOW_SPREAD": 2, "SHADOW_TAPS": 2}
+_FLOOR_SHADOW: Final = {**SHADOW, "SHADOW_SPREAD": 3, "SHADOW_TAPS": 4}
 #: The shadow map covers what is on stage, in steps (metres), so that shadows do not swim.
 _SHADOW_STEP: Final = 0.5
 _SHADOW_MARGIN: Final = 0.1
@@ -70,7 +71,7 @@ class Stage:
         self._programs = (
             load_program(ctx, "screen", "backdrop"),
             load_program(ctx, "floor", "floor"),
-            load_program(ctx, "floor", "fallen", **SHADOW),
+            load_program(ctx, "floor", "fallen", **_FLOOR_SHADOW),
         )
         room, floor, shaded = self._programs
         corners = _FLOOR * np.array([-1, -1, -1, 1, 1, -1, 1, 1], np.float32)

@@ -6,7 +6,6 @@ one foot is on the floor most of the time: that is enough, if nothing better is 
 
 from __future__ import annotations
 
-from collections import deque
 from typing import Final
 
 import numpy as np
@@ -56,7 +55,8 @@ class Level:
         direction = np.array([0.0, 1.0, 0.0] if up is None else up, float)
         self._sum = PRIOR_COUNT * direction / np.linalg.norm(direction)
         self._count = PRIOR_COUNT
-        self._feet: deque[Floats] = deque(maxlen=FEET_KEPT)
+        self._feet = np.zeros((FEET_KEPT, len(_FEET), 3))
+        self._feet_seen = 0
 
     @property
     def up(self) -> Floats:
@@ -70,17 +70,19 @@ class Level:
         if not self._known_floor:
             feet = positions[_FEET][states[_FEET] != TrackingState.NOT_TRACKED]
             if len(feet):
-                self._feet.append(feet)
-            elif not self._feet and self._floor is None:
+                # One foot alone fills both places.
+                self._feet[self._feet_seen % FEET_KEPT] = feet
+                self._feet_seen += 1
+            elif not self._feet_seen and self._floor is None:
                 self._floor = HIP_HEIGHT - float(positions[Joint.HIP_CENTER] @ self.up)
-            if self._feet:
+            if self._feet_seen:
                 target = self._learnt_floor()
                 before = target if self._floor is None else self._floor
                 self._floor = before + FLOOR_STEP * (target - before)
 
     def settle(self) -> None:
         """Take what was learnt so far for the truth at once."""
-        if self._feet:
+        if self._feet_seen:
             self._floor = self._learnt_floor()
 
     def stage_from_camera(self) -> tuple[Floats, Floats]:
@@ -117,8 +119,7 @@ class Level:
 
     def _learnt_floor(self) -> float:
         """Metres from the floor up to the camera, as the feet remembered say."""
-        up = self.up
-        lowest = [float((feet @ up).min()) for feet in self._feet]
+        lowest = (self._feet[: self._feet_seen] @ self.up).min(axis=1)
         return -float(np.quantile(lowest, BELOW_FLOOR))
 
 

@@ -22,7 +22,7 @@ from puppet.tracking.blazepose import LANDMARK_COUNT, Landmarks
 _LEFT: Final = [11, 13, 15, 23, 25, 27]
 _RIGHT: Final = [12, 14, 16, 24, 26, 28]
 #: A body seen from its side tells nothing: this much width, in sides of the region, is a doubt.
-BLUR: Final = 0.1
+BLUR: Final = 0.2
 #: How well a frame has to go on from the one before: the cosine between their left-to-rights.
 AGREEMENT: Final = 0.9
 #: How far (rad) the region is turned to look again. A turn that has helped is kept up, and fades

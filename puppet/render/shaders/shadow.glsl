@@ -6,6 +6,7 @@ float key_light(vec3 position, vec3 normal) {
     // Stepping off the surface instead of a large depth bias keeps shadows attached to feet.
     vec3 place = (shadow_from_world * vec4(position + normal * (1.5 * eye.w), 1.0)).xyz;
     float texel = SHADOW_SPREAD / SHADOW_SIZE;
+#if SHADOW_TAPS == 4
     vec4 lit = vec4(
         texture(shadow_map, place + vec3(-0.35, -0.90, 0.0) * texel),
         texture(shadow_map, place + vec3(0.90, -0.35, 0.0) * texel),
@@ -13,4 +14,8 @@ float key_light(vec3 position, vec3 normal) {
         texture(shadow_map, place + vec3(-0.90, 0.35, 0.0) * texel)
     );
     return dot(lit, vec4(0.25));
+#else
+    return 0.5 * (texture(shadow_map, place + vec3(-0.4, -0.6, 0.0) * texel)
+        + texture(shadow_map, place + vec3(0.4, 0.6, 0.0) * texel));
+#endif
 }
