@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterable
 
 import numpy as np
@@ -78,7 +79,7 @@ def test_a_lost_hand_holds_and_then_its_influence_eases_away() -> None:
     np.testing.assert_allclose(held.positions[HAND], still()[HAND], atol=0.01)
     assert held.influence[HAND] > 0.95
     fading = [f.influence[HAND] for f in result[50:]]
-    assert all(b < a for a, b in zip(fading, fading[1:], strict=False))
+    assert all(b < a for a, b in itertools.pairwise(fading))
     assert fading[-1] < 0.05
     assert result[-1].influence[Joint.HAND_LEFT] > 0.99
 

@@ -3,12 +3,24 @@
 from __future__ import annotations
 
 import sys
+import time
 from pathlib import Path
 
 import msgspec
+from rich.console import Console
 
+from puppet.cast import load_cast
 from puppet.commands.signals import stop_event
+from puppet.line import Line
+from puppet.net.bus import Bus
 from puppet.net.run import Supervisor, write_report
+from puppet.net.stage import Stage
+from puppet.net.track import run_track
+from puppet.net.view import Viewer, run_headless, run_window
+from puppet.render.background import BackgroundOutput
+from puppet.render.context import headless_context
+from puppet.render.output import open_output
+from puppet.render.window import Window, display_available
 from puppet.show import BusConfig, Show, load_show
 from puppet.tracking.open import open_source
 
@@ -35,11 +47,6 @@ def run_show(
     outputs: dict[str, Path | None],
 ) -> int:
     """Supervise a whole show. -> exit code"""
-    from rich.console import Console
-
-    from puppet.cast import load_cast
-    from puppet.render.window import display_available
-
     show = _load(path, port)
     load_cast(show, path)  # what is wrong with the puppets is told once, before anything starts
     if source is not None or not show.source.path.startswith("webcam:"):
@@ -89,9 +96,6 @@ def _check_source(show: Show, path: Path, source: str | None) -> None:
 
 def track_show(path: Path, source: str | None, port: int | None) -> None:
     """Publish one source until it ends."""
-    from puppet.net.bus import Bus
-    from puppet.net.track import run_track
-
     show = _load(path, port)
     stop = stop_event()
     opened = open_source(
@@ -106,11 +110,6 @@ def track_show(path: Path, source: str | None, port: int | None) -> None:
 
 def stage_show(path: Path, port: int | None) -> None:
     """Be the hub of a show."""
-    from puppet.cast import load_cast
-    from puppet.line import Line
-    from puppet.net.bus import Bus
-    from puppet.net.stage import Stage
-
     show = _load(path, port)
     stop = stop_event()
     with Bus.host(show.bus.endpoint, show.key) as bus:
@@ -130,17 +129,17 @@ def view_show(
     outputs: dict[str, Path | None],
 ) -> None:
     """Draw a show."""
-    from puppet.net.bus import Bus
-    from puppet.net.view import Viewer, run_headless, run_window
-    from puppet.render.context import headless_context
-    from puppet.render.window import Window, display_available
-
     show = _load(path, port)
     stop = stop_event()
     if not headless and not display_available():
         _say("puppet view: there is no display: drawing without a window")
         headless = True
-    sinks = _outputs(outputs)
+    targets = {kind: target for kind, target in outputs.items() if target is not None}
+    sinks = [
+        # A picture to look at is replaced once a second; films take every picture.
+        BackgroundOutput(open_output(target), every=1.0 if kind == "png" else 0.0)
+        for kind, target in targets.items()
+    ]
     view = show.view
     window = None if headless else Window(f"puppet — {show.name}", (view.width, view.height))
     ctx = headless_context() if window is None else window.ctx
@@ -149,4 +148,20 @@ def view_show(
         if window is None:
             run_headless(viewer, stop, sinks)
         else:
+            window.on_picture = lambda: _keep_picture(viewer)
             run_window(viewer, window, stop, sinks)
+            window.close()
+    for sink, target in zip(sinks, targets.values(), strict=True):
+        if sink.failure is not None:
+            raise sink.failure
+        if sink.left_out:
+            _say(f"puppet view: {sink.left_out} pictures came too fast to be kept in {target}")
+
+
+def _keep_picture(viewer: Viewer) -> None:
+    """Key P: a picture of what is seen, beside nothing that was there before."""
+    path = Path(time.strftime("puppet-%Y%m%d-%H%M%S.png"))
+    output = open_output(path)
+    output.write(viewer.renderer.read(), 0.0)
+    output.close()
+    _say(f"puppet view: {path}")

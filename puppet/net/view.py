@@ -4,20 +4,20 @@ from __future__ import annotations
 
 import threading
 import time
-from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 import moderngl
 import numpy as np
 
-from puppet.errors import BadFileError, BadMessageError
+from puppet.errors import PuppetError
 from puppet.formats.armature_toml import load_puppet
-from puppet.net.bus import Bus, Latest
+from puppet.net.bus import Bus
 from puppet.net.health import Health
+from puppet.net.latency import Latency
 from puppet.net.messages import CastMessage, Decoder, SceneMessage
 from puppet.pose import Pose, rest_pose
-from puppet.render.output import Output
+from puppet.render.background import BackgroundOutput
 from puppet.render.renderer import Renderer
 from puppet.render.scene import Picture, PuppetOnStage, Status
 from puppet.render.staging import Staging
@@ -25,207 +25,169 @@ from puppet.render.window import Window
 from puppet.show import PuppetConfig, ViewConfig
 from puppet.skeleton import SkeletonFrame
 
-#: Seconds without a scene after which a headless viewer looks round for the cast again.
-PATIENCE = 1.0 / 15.0
-#: How many pictures the latency percentiles are taken over.
-MEMORY = 20_000
-
-
-class Latency:
-    """Seconds from the tracker's publication to the finished picture."""
-
-    def __init__(self) -> None:
-        self._seconds: deque[float] = deque(maxlen=MEMORY)
-        self._drawn: deque[float] = deque(maxlen=90)
-
-    def drawn(self, now: float, latency: float | None) -> None:
-        """A picture was finished at `now`."""
-        self._drawn.append(now)
-        if latency is not None:
-            self._seconds.append(latency)
-
-    @property
-    def fps(self) -> float:
-        """Pictures a second, over the last few."""
-        if len(self._drawn) < 2:
-            return 0.0
-        return (len(self._drawn) - 1) / max(self._drawn[-1] - self._drawn[0], 1e-6)
-
-    @property
-    def recent(self) -> float | None:
-        """Median of the last half second or so."""
-        latest = list(self._seconds)[-30:]
-        return float(np.median(latest)) if latest else None
-
-    def percentile(self, share: float) -> float:
-        """Seconds below which `share` per cent of the pictures are."""
-        return float(np.percentile(list(self._seconds), share)) if self._seconds else 0.0
+#: Seconds to wait for a scene before looking whether it is time to end.
+PATIENCE = 0.1
+#: Pictures between two looks at the percentiles, which cost more than counting.
+FIGURES_EVERY = 30
 
 
 class Viewer:
-    """Draws the newest scene."""
+    """Draws the newest scene of a show."""
 
     def __init__(
-        self,
-        ctx: moderngl.Context,
-        bus: Bus,
-        view: ViewConfig,
-        puppets: Sequence[PuppetConfig],
-        *,
-        samples: int | None = None,
+        self, ctx: moderngl.Context, bus: Bus, view: ViewConfig, puppets: Sequence[PuppetConfig]
     ) -> None:
         self.health = Health(bus, "view")
-        self.renderer = Renderer(ctx, (view.width, view.height), samples)
-        self.show_overlay = True
+        self.renderer = Renderer(ctx, (view.width, view.height))
+        self.staging = Staging(view, (), view.width / view.height)
+        self.overlay = True
         self._ctx = ctx
         self._bus = bus
         self._view = view
-        self._places = {puppet.name: puppet for puppet in puppets}
-        self._scenes: Latest = bus.latest("scene")
+        self._places = {puppet.name: np.array(puppet.position, float) for puppet in puppets}
+        self._scenes = bus.latest("scene")
         self._decode = Decoder(SceneMessage)
         self._decode_cast = Decoder(CastMessage)
         self._cast = -1
         self._latency = Latency()
-        self.staging = Staging(view, (), view.width / view.height)
+        bus.be_present("view", str(time.monotonic_ns()))
 
     def next_scene(self, timeout: float) -> SceneMessage | None:
-        """The newest scene that has not been drawn, if one comes within `timeout` seconds."""
+        """The newest scene that has not been drawn, if one comes within `timeout` seconds.
+
+        Something that cannot be understood is told in the viewer's health, and left out.
+        """
         data = self._scenes.take(timeout)
         if data is None:
             return None
         try:
             scene = self._decode(data)
             if scene.cast != self._cast:
-                self._meet_cast()
-            return scene
-        except (BadMessageError, BadFileError) as error:
+                self._meet_cast()  # takes a while: what was to be drawn is old by now
+                return None
+        except PuppetError as error:
             self.health.counters["refused"] += 1
             self.health.note = str(error)
             return None
+        return scene
 
-    def draw(self, scene: SceneMessage) -> Picture:
-        """Draw a scene into the renderer's picture and wait until it is finished."""
-        picture = self._picture(scene)
-        self.renderer.draw(picture)
+    def draw(self, scene: SceneMessage, target: moderngl.Framebuffer | None = None) -> None:
+        """Draw a scene and wait until the picture is finished."""
+        self.renderer.draw(self._picture(scene), target)
         self._ctx.finish()
-        self.drawn(scene)
-        return picture
 
-    def drawn(self, scene: SceneMessage) -> None:
-        """Take note that a scene has been drawn just now."""
-        now = time.monotonic_ns()
-        sent = scene.frame_sent_ns
+    def count(self, scene: SceneMessage) -> None:
+        """Take note that a new scene was drawn just now."""
+        now, sent = time.monotonic_ns(), scene.frame_sent_ns
         self._latency.drawn(now / 1e9, (now - sent) / 1e9 if sent else None)
         self.health.state = "running"
         self.health.counters["frames_drawn"] += 1
-        self.health.gauges.update(
-            fps=self._latency.fps,
-            latency_p50_ms=1000.0 * self._latency.percentile(50),
-            latency_p99_ms=1000.0 * self._latency.percentile(99),
-        ) if self.health.counters["frames_drawn"] % 15 == 0 else None
+        if self.health.counters["frames_drawn"] % FIGURES_EVERY == 0:
+            self._give_figures()
 
     def close(self) -> None:
-        """Give the final figures and let go."""
+        """Give the last figures and let go."""
+        self._give_figures()
+        self.health.close()
+        self.renderer.release()
+
+    def _give_figures(self) -> None:
         self.health.gauges.update(
             fps=self._latency.fps,
             latency_p50_ms=1000.0 * self._latency.percentile(50),
             latency_p99_ms=1000.0 * self._latency.percentile(99),
         )
-        self.health.close()
-        self.renderer.release()
 
     def _picture(self, scene: SceneMessage) -> Picture:
-        poses: dict[str, Pose] = {puppet.name: puppet.pose() for puppet in scene.puppets}
+        poses = {puppet.name: puppet.pose() for puppet in scene.puppets}
         performer: SkeletonFrame | None = None
         hip, heading = (0.0, 0.0, 0.0), 0.0
-        notes = []
         if scene.performer is not None:
             performer = scene.performer.frame(scene.time, scene.sequence)
             hip, heading = scene.performer.neutral_hip, scene.performer.neutral_heading
-            if not performer.present:
-                notes.append("nobody on stage")
-        elif scene.source:
-            notes.append("nobody on stage")
-        if not scene.source:
-            notes.append("waiting for a tracker")
-        if scene.synthetic:
-            notes.append("synthetic")
         status = None
-        if self.show_overlay:
+        if self.overlay:
             status = Status(
                 fps=self._latency.fps or None,
                 latency=self._latency.recent,
                 source=scene.source,
-                notes=tuple(notes),
+                notes=_notes(scene, performer),
             )
         return self.staging.picture(poses, performer, hip, heading, status)
 
     def _meet_cast(self) -> None:
+        """Ask the stage who is on it, and load them."""
         reply = self._bus.ask("cast")
         if reply is None:
             return
         cast = self._decode_cast(reply)
         for name in self.renderer.puppets:
             self.renderer.remove_puppet(name)
-        rest: dict[str, Pose] = {}
+        extents = []
         for member in cast.members:
-            loaded = load_puppet(Path(member.armature))
-            self.renderer.add_puppet(PuppetOnStage(member.name, loaded.model, dict(member.pairs)))
-            place = self._places.get(member.name)
-            still = rest_pose(loaded.model.armature)
-            if place is not None:
-                still = Pose(np.array(place.position, float), still.rotation, still.bones)
-            rest[member.name] = still
-        self.staging = Staging(
-            self._view,
-            [self.renderer.extent(Picture(poses={name: pose})) for name, pose in rest.items()],
-            self.renderer.size[0] / self.renderer.size[1],
-        )
+            model = load_puppet(Path(member.armature)).model
+            self.renderer.add_puppet(PuppetOnStage(member.name, model, dict(member.pairs)))
+            rest = rest_pose(model.armature)
+            place = self._places.get(member.name, rest.translation)
+            standing = {member.name: Pose(place, rest.rotation, rest.bones)}
+            extents.append(self.renderer.extent(Picture(poses=standing)))
+        width, height = self.renderer.size
+        self.staging = Staging(self._view, extents, width / height)
         self._cast = cast.revision
 
 
-def run_headless(viewer: Viewer, stop: threading.Event, outputs: Sequence[Output]) -> None:
+def _notes(scene: SceneMessage, performer: SkeletonFrame | None) -> tuple[str, ...]:
+    if not scene.source:
+        return ("waiting for a tracker",)
+    notes = ["synthetic"] if scene.synthetic else []
+    if performer is None or not performer.present:
+        notes.append("nobody on stage")
+    return tuple(notes)
+
+
+def run_headless(
+    viewer: Viewer, stop: threading.Event, outputs: Sequence[BackgroundOutput]
+) -> None:
     """Draw every scene as it comes, and hand the pictures to the outputs."""
     try:
         while not stop.is_set():
             scene = viewer.next_scene(PATIENCE)
-            if scene is None:
-                continue
-            viewer.draw(scene)
-            _hand_on(viewer, outputs)
+            if scene is not None:
+                viewer.draw(scene)
+                viewer.count(scene)
+                _hand_on(viewer, outputs)
     finally:
-        for output in outputs:
-            output.close()
-        viewer.close()
+        _close(viewer, outputs)
 
 
 def run_window(
-    viewer: Viewer, window: Window, stop: threading.Event, outputs: Sequence[Output]
+    viewer: Viewer, window: Window, stop: threading.Event, outputs: Sequence[BackgroundOutput]
 ) -> None:
     """Draw the newest scene at the display's own rate, until the window is closed."""
     scene: SceneMessage | None = None
+    staging: Staging | None = None
     try:
-        while not stop.is_set() and not window.closing:
-            newer = viewer.next_scene(0.0 if scene is not None else PATIENCE)
-            window.update(viewer.staging, viewer)
-            if newer is not None or scene is not None:
-                scene = newer or scene
-                assert scene is not None
-                viewer.renderer.resize(window.size)
-                viewer.renderer.draw(viewer._picture(scene), window.target)
+        while not stop.is_set() and window.runs:
+            newer = viewer.next_scene(PATIENCE if scene is None else 0.0)
+            window.poll()
+            if staging is not viewer.staging:  # another cast: look at all of it
+                staging = viewer.staging
+                window.camera = window.home = staging.home
+            staging.camera, staging.show_pairs = window.camera, window.show_pairs
+            viewer.overlay = window.overlay
+            scene = newer or scene
+            if scene is not None and window.framebuffer_size != (0, 0):
+                viewer.renderer.resize(window.framebuffer_size)
+                viewer.draw(scene, window.ctx.screen)
                 if newer is not None:
-                    viewer.drawn(newer)
+                    viewer.count(newer)
                     _hand_on(viewer, outputs)
             window.swap()
     finally:
-        for output in outputs:
-            output.close()
-        viewer.close()
+        _close(viewer, outputs)
 
 
-def _hand_on(viewer: Viewer, outputs: Sequence[Output]) -> None:
-    if not outputs:
-        return
+def _hand_on(viewer: Viewer, outputs: Sequence[BackgroundOutput]) -> None:
     now = time.monotonic()
     wanting = [output for output in outputs if output.wants(now)]
     if wanting:
@@ -234,4 +196,9 @@ def _hand_on(viewer: Viewer, outputs: Sequence[Output]) -> None:
             output.write(image, now)
 
 
-PictureTaker = Callable[[], None]
+def _close(viewer: Viewer, outputs: Sequence[BackgroundOutput]) -> None:
+    for output in outputs:
+        output.close()
+        if output.failure is not None:
+            viewer.health.note = str(output.failure)
+    viewer.close()

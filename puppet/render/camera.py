@@ -43,7 +43,8 @@ class Camera:
     @property
     def eye(self) -> Floats:
         """(3,) metres, where the camera is in the world."""
-        return np.asarray(self.target) + self.distance * self.axes[2]
+        eye: Floats = np.asarray(self.target) + self.distance * self.axes[2]
+        return eye
 
     def view_from_world(self) -> Floats:
         """(4, 4), to be multiplied with columns. The view looks along -Z."""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import moderngl
 
 from puppet.errors import UnavailableError
@@ -16,7 +18,8 @@ def headless_context() -> moderngl.Context:
     Raises UnavailableError where there is no EGL or no GL 3.3.
     """
     try:
-        return moderngl.create_context(standalone=True, backend="egl", require=330)
+        settings: dict[str, Any] = {"backend": "egl"}
+        return moderngl.create_context(standalone=True, require=330, **settings)
     # glcontext raises bare Exceptions, and what it says depends on the library that is missing.
     except Exception as error:
         raise UnavailableError(

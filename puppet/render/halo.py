@@ -31,14 +31,14 @@ class Halos:
             return
         ctx = self._ctx
         ctx.enable_only(moderngl.DEPTH_TEST | moderngl.BLEND)
-        ctx.blend_func = moderngl.ADDITIVE_BLENDING
+        ctx.blend_func = moderngl.ONE, moderngl.ONE
         ctx.fbo.depth_mask = False
         for glow in glows:
             self._program["halo"] = (*glow.center, _REACH * glow.radius)
             self._program["shine"] = tuple(_BRIGHTNESS * glow.color / glow.color.max())
             self._array.render(moderngl.TRIANGLE_STRIP)
         ctx.fbo.depth_mask = True
-        ctx.blend_func = moderngl.DEFAULT_BLENDING
+        ctx.blend_func = moderngl.SRC_ALPHA, moderngl.ONE_MINUS_SRC_ALPHA
 
     def release(self) -> None:
         """Give back what the graphics card holds."""

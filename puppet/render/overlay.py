@@ -107,9 +107,9 @@ class Overlay:
         )
         self._texture.use(TEXTURE_UNITS["picture"])
         self._ctx.enable_only(moderngl.BLEND)
-        self._ctx.blend_func = moderngl.PREMULTIPLIED_ALPHA
+        self._ctx.blend_func = moderngl.ONE, moderngl.ONE_MINUS_SRC_ALPHA
         self._quad.render(moderngl.TRIANGLE_STRIP, vertices=4)
-        self._ctx.blend_func = moderngl.DEFAULT_BLENDING
+        self._ctx.blend_func = moderngl.SRC_ALPHA, moderngl.ONE_MINUS_SRC_ALPHA
 
     def release(self) -> None:
         """Give back what the graphics card holds."""

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from importlib.resources import files
+from types import MappingProxyType
 from typing import Final
 
 import moderngl
@@ -24,7 +26,7 @@ def load_program(
     fragment: str | None,
     *,
     varyings: tuple[str, ...] = (),
-    **defines: int,
+    defines: Mapping[str, int] = MappingProxyType({}),
 ) -> moderngl.Program:
     """Link ``vertex.vert`` with ``fragment.frag``, or with nothing where `varyings` are caught.
 
@@ -48,7 +50,8 @@ def load_program(
     )
     for name, unit in TEXTURE_UNITS.items():
         if name in program:
-            program[name].value = unit
-    if "Stage" in program:
-        program["Stage"].binding = STAGE_BINDING
+            program[name] = unit
+    block = program.get("Stage", None)
+    if isinstance(block, moderngl.UniformBlock):
+        block.binding = STAGE_BINDING
     return program

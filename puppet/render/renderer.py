@@ -8,8 +8,8 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
-from puppet.errors import PuppetError
 from puppet.kernel import Floats
+from puppet.render.boxes import corners_of
 from puppet.render.canvas import Canvas
 from puppet.render.context import is_software
 from puppet.render.halo import Halos
@@ -20,7 +20,7 @@ from puppet.render.program import load_program
 from puppet.render.rods import Manner, RodBatch, Rods, boxes_of, no_rods, rods
 from puppet.render.scene import Picture, PuppetOnStage
 from puppet.render.skin import Skin, SkinPrograms
-from puppet.render.stage import SHADOW, Stage, corners_of
+from puppet.render.stage import SHADOW, Stage
 
 #: How thick a mark on a puppet is, as a part of the armature's size, and how much it covers.
 _MARK_RADIUS: Final = 0.009
@@ -48,10 +48,10 @@ class Renderer:
             samples = 0 if is_software(ctx) else 4
         self._canvas = Canvas(ctx, size, samples, supersample)
         self._stage = Stage(ctx)
-        self._programs = SkinPrograms(ctx, **SHADOW)
+        self._programs = SkinPrograms(ctx, SHADOW)
         self._rod_programs = (
-            load_program(ctx, "rod", "rod", **SHADOW),
-            load_program(ctx, "rod", "depth", INTO_SHADOW_MAP=1),
+            load_program(ctx, "rod", "rod", defines=SHADOW),
+            load_program(ctx, "rod", "depth", defines={"INTO_SHADOW_MAP": 1}),
         )
         # Bones end inside their joints, so they need no caps of their own.
         self._bones = self._batch(Manner.SOLID, 12, 0)

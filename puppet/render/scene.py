@@ -71,7 +71,8 @@ class Picture:
             return None
         sine, cosine = math.sin(self.performer_yaw), math.cos(self.performer_yaw)
         turn = np.array([[cosine, 0.0, sine], [0.0, 1.0, 0.0], [-sine, 0.0, cosine]])
-        return self.performer.positions @ turn.T + self.performer_offset
+        joints: Floats = self.performer.positions @ turn.T + self.performer_offset
+        return joints
 
     @property
     def tracked(self) -> int:

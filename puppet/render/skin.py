@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, Final, TypeVar
+from typing import Final, TypeVar
 
 import moderngl
 import numpy as np
@@ -13,6 +14,7 @@ from puppet.errors import PuppetError
 from puppet.kernel import Floats
 from puppet.mesh import Material, Mesh
 from puppet.pose import Pose, forward_kinematics
+from puppet.render.boxes import BoneBoxes, matrices, turned
 from puppet.render.program import TEXTURE_UNITS, load_program
 from puppet.render.scene import PuppetOnStage
 
@@ -27,18 +29,14 @@ _SRGB8_ALPHA8: Final = 0x8C43
 #: size): the spark in an eye is none.
 _LAMP_LIGHT: Final = 0.5
 _LAMP_SURFACE: Final = 0.02
-#: A bone takes part in a vertex from this weight on, where boxes are put around bones; a bone has so
-#: many boxes, one behind the other, that a long one is not lost in a large box.
-_TAKES_PART: Final = 0.1
-_SLICES: Final = 4
 
 
 class SkinPrograms:
     """The programs that all puppets share."""
 
-    def __init__(self, ctx: moderngl.Context, **shadow: int) -> None:
+    def __init__(self, ctx: moderngl.Context, shadow: Mapping[str, int]) -> None:
         self.skin = load_program(ctx, "skin", None, varyings=("position", "normal"))
-        self.lit = load_program(ctx, "puppet", "puppet", **shadow)
+        self.lit = load_program(ctx, "puppet", "puppet", defines=shadow)
         self.shadow = load_program(ctx, "puppet_shadow", "depth")
 
     def release(self) -> None:
@@ -102,6 +100,7 @@ class Skin:
         self._ctx = ctx
         self._lit = programs.lit
         self._resources: list[moderngl.Buffer | moderngl.Texture | moderngl.VertexArray] = []
+        self._parts: list[_Part] = []
         self._palette = self._kept(ctx.texture((3, count), 4, dtype="f4"))
         self._palette.filter = (moderngl.NEAREST, moderngl.NEAREST)
         self._upload(programs, [mesh for mesh in puppet.model.meshes if len(mesh.triangles)])
@@ -111,7 +110,7 @@ class Skin:
         #: Bone origins (B, 3) and frames (B, 3, 3) in the world, as the last pose has them.
         self.origins, self.frames = positions, self._rest_frames
         self._rows = np.zeros((count, 3, 4), np.float32)
-        self._box_bones, self._box_middles, self._box_halves = _boxes(puppet, self._rest_frames)
+        self._boxes = BoneBoxes(puppet.model)
         self._lamps = [
             _glow(mesh) for mesh in puppet.model.meshes if _is_lamp(mesh, self.armature.size)
         ]
@@ -134,21 +133,18 @@ class Skin:
         self.origins, self.frames = origins, matrices(rotations)
         world_from_rest = self.frames @ self._rest_frames.transpose(0, 2, 1)
         self._rows[:, :, :3] = world_from_rest
-        self._rows[:, :, 3] = origins - _turned(world_from_rest, self._rest_positions)
+        self._rows[:, :, 3] = origins - turned(world_from_rest, self._rest_positions)
         return True
 
     @property
     def boxes(self) -> Floats:
         """(N, 2, 3) metres, world: lowest and highest corner of boxes that hold the skin."""
-        frames = self.frames[self._box_bones]
-        middles = self.origins[self._box_bones] + _turned(frames, self._box_middles)
-        halves = _turned(np.abs(frames), self._box_halves)
-        return np.stack([middles - halves, middles + halves], axis=1)
+        return self._boxes.at(self.origins, self.frames)
 
     @property
     def tips(self) -> Floats:
         """(B, 3) metres, where each bone ends in the world."""
-        return self.origins + _turned(self.frames, self.armature.tips)
+        return self.origins + turned(self.frames, self.armature.tips)
 
     @property
     def glows(self) -> list[Glow]:
@@ -208,7 +204,6 @@ class Skin:
             self._ctx.enable(moderngl.CULL_FACE)
 
     def _upload(self, programs: SkinPrograms, meshes: list[Mesh]) -> None:
-        self._parts: list[_Part] = []
         if not meshes:
             return
         self._vertices = sum(len(mesh.positions) for mesh in meshes)
@@ -260,67 +255,6 @@ class Skin:
         texture.build_mipmaps()
         texture.filter = (moderngl.LINEAR_MIPMAP_LINEAR, moderngl.LINEAR)
         return texture
-
-
-def matrices(q: Floats) -> Floats:
-    """Rotation matrices of unit quaternions xyzw. (N, 4) -> (N, 3, 3)"""
-    x, y, z, w = q.T
-    out = np.empty((len(q), 3, 3))
-    out[:, 0, 0] = 1.0 - 2.0 * (y * y + z * z)
-    out[:, 0, 1] = 2.0 * (x * y - z * w)
-    out[:, 0, 2] = 2.0 * (x * z + y * w)
-    out[:, 1, 0] = 2.0 * (x * y + z * w)
-    out[:, 1, 1] = 1.0 - 2.0 * (x * x + z * z)
-    out[:, 1, 2] = 2.0 * (y * z - x * w)
-    out[:, 2, 0] = 2.0 * (x * z - y * w)
-    out[:, 2, 1] = 2.0 * (y * z + x * w)
-    out[:, 2, 2] = 1.0 - 2.0 * (x * x + y * y)
-    return out
-
-
-def _turned(frames: NDArray[Any], vectors: NDArray[Any]) -> Floats:
-    """Each vector by its own matrix. (N, 3, 3), (N, 3) -> (N, 3)"""
-    out: Floats = (frames @ vectors[:, :, None])[:, :, 0]
-    return out
-
-
-def _boxes(puppet: PuppetOnStage, rest_frames: Floats) -> tuple[NDArray[np.intp], Floats, Floats]:
-    """Boxes around what each bone moves: their bone (N,), middle and half sides (N, 3) in its frame.
-
-    A bone that moves no skin has a box without size at its origin.
-    """
-    origins = puppet.model.armature.rest[0]
-    count = len(origins)
-    bones, points = [np.arange(count)], [np.zeros((count, 3))]
-    for mesh in puppet.model.meshes:
-        vertex, column = np.nonzero(mesh.weights >= _TAKES_PART)
-        holding = mesh.bones[vertex, column].astype(np.intp)
-        away = (mesh.positions[vertex] - origins[holding])[:, None, :]
-        bones.append(holding)
-        points.append((away @ rest_frames[holding])[:, 0, :])
-    bone, point = np.concatenate(bones), np.concatenate(points)
-    bare = np.bincount(bone, minlength=count) == 1
-    # The origins were only there for bare bones: skin may well be elsewhere.
-    keep = (np.arange(len(bone)) >= count) | bare[bone]
-    bone, point = bone[keep], point[keep]
-
-    low, high = _extremes(bone, point, count)
-    longest = (high - low).argmax(axis=1)
-    rows = np.arange(len(bone))
-    along = point[rows, longest[bone]] - low[bone, longest[bone]]
-    length = np.maximum((high - low)[bone, longest[bone]], 1e-9)
-    part = bone * _SLICES + np.minimum(along / length * _SLICES, _SLICES - 1).astype(np.intp)
-    low, high = _extremes(part, point, count * _SLICES)
-    used = np.unique(part)
-    return used // _SLICES, (low + high)[used] / 2.0, (high - low)[used] / 2.0
-
-
-def _extremes(group: NDArray[np.intp], points: Floats, count: int) -> tuple[Floats, Floats]:
-    """Lowest and highest coordinates of each group of points. -> (count, 3) twice"""
-    low, high = np.full((count, 3), np.inf), np.full((count, 3), -np.inf)
-    np.minimum.at(low, group, points)
-    np.maximum.at(high, group, points)
-    return low, high
 
 
 def _is_lamp(mesh: Mesh, size: float) -> bool:

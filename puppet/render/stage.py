@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from puppet.kernel import Floats
+from puppet.render.boxes import corners_of
 from puppet.render.camera import Camera
 from puppet.render.program import STAGE_BINDING, TEXTURE_UNITS, load_program
 from puppet.render.skin import Glow
@@ -71,7 +72,7 @@ class Stage:
         self._programs = (
             load_program(ctx, "screen", "backdrop"),
             load_program(ctx, "floor", "floor"),
-            load_program(ctx, "floor", "fallen", **_FLOOR_SHADOW),
+            load_program(ctx, "floor", "fallen", defines=_FLOOR_SHADOW),
         )
         room, floor, shaded = self._programs
         corners = _FLOOR * np.array([-1, -1, -1, 1, 1, -1, 1, 1], np.float32)
@@ -150,13 +151,6 @@ class Stage:
             buffer.release()
         self._shadow_target.release()
         self._shadow_map.release()
-
-
-def corners_of(boxes: Floats) -> Floats:
-    """The corners of boxes. (N, 2, 3) -> (8 N, 3)"""
-    pick = np.array([[i & 1, i >> 1 & 1, i >> 2] for i in range(8)])
-    corners: Floats = boxes[:, pick, np.arange(3)].reshape(-1, 3)
-    return corners
 
 
 def _pool_radius(camera: Camera) -> float:

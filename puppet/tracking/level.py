@@ -20,9 +20,10 @@ PRIOR_COUNT: Final = 10.0
 MOST_COUNT: Final = 1000.0
 #: Whoever stands has trunk and both legs in one line: the cosine of the largest angle between.
 STRAIGHT: Final = 0.9
-#: So many feet are remembered, and this part of them may be below the floor.
+#: The lower feet of so many frames are remembered. This part of them may be below the floor: they
+#: are seen too low as often as too high, and now and then both are off the floor.
 FEET_KEPT: Final = 600
-BELOW_FLOOR: Final = 0.1
+BELOW_FLOOR: Final = 0.3
 #: While it is still being learnt, the floor moves by this part of the way at each frame.
 FLOOR_STEP: Final = 0.05
 #: From the floor to the hips, metres, for those whose feet were never seen.

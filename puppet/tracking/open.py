@@ -6,7 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from puppet.errors import BadShowError
-from puppet.tracking.replay import Mode, Replay
+from puppet.tracking.replay import Repeat, Replay
 from puppet.tracking.source import Source
 from puppet.tracking.take import read_take
 
@@ -18,7 +18,7 @@ def open_source(
     text: str,
     *,
     folder: Path | None = None,
-    repeat: Mode = "once",
+    repeat: Repeat = "once",
     warn: Callable[[str], None] = lambda _text: None,
 ) -> Source:
     """Open a source. Relative paths start from `folder`.
@@ -31,7 +31,7 @@ def open_source(
     if text == "rehearsal":
         from puppet.tracking.rehearsal import Rehearsal
 
-        return Replay(Rehearsal(), mode=repeat)
+        return Replay.of(Rehearsal(), repeat=repeat)
     kind, colon, rest = text.partition(":")
     if colon and kind == "webcam":
         if not rest.isdigit():
@@ -49,7 +49,7 @@ def open_source(
         take = read_take(path)
         for warning in take.warnings:
             warn(warning)
-        return Replay(take, mode=repeat)
+        return Replay(take, repeat=repeat)
     from puppet.tracking.models import model_paths
     from puppet.tracking.video import VideoSource
 

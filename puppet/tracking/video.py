@@ -23,6 +23,11 @@ from puppet.tracking.models import PoseModels
 from puppet.tracking.sides import Sides
 from puppet.tracking.source import Plane, SourceInfo
 
+# OpenCV and the FFmpeg in it write to stderr what is told here in an error of our own. FFmpeg reads
+# the variable only once, before the first capture of the process.
+os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")
+cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
+
 WEBCAM_PREFIX: Final = "webcam:"
 #: What a webcam is asked for; it may do something else.
 WEBCAM_SIZE: Final = (1280, 720)
@@ -34,6 +39,8 @@ DEFAULT_RATE: Final = 30.0
 LEVEL_SECONDS: Final = 1.0
 #: A file whose last part, larger than this, cannot be decoded is said to be cut off.
 MISSING_PART: Final = 0.02
+#: A file that begins with so many bytes of nothing but ASCII text is not a video.
+TEXT_BYTES: Final = 1024
 FLOOR: Final[Plane] = (0.0, 1.0, 0.0, 0.0)
 
 
@@ -63,7 +70,6 @@ class VideoSource:
         Raises BadFileError for a file that is missing or not a video, UnavailableError for a
         webcam that is not there or models that cannot be loaded.
         """
-        _silence_opencv()
         self.warnings: tuple[str, ...] = ()
         self._up = None if up is None else np.asarray(up, float) * (1.0, -1.0, -1.0)
         self._focal, self._floor = focal, floor
@@ -222,12 +228,6 @@ def _webcam_index(path_or_index: str | Path | int) -> int | None:
     return int(number)
 
 
-def _silence_opencv() -> None:
-    """OpenCV and the FFmpeg in it write to stderr what is told here in an error of our own."""
-    os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")
-    cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
-
-
 def _open_file(path: Path) -> Any:
     """A capture of the file; it may not be open."""
     capture = cv2.VideoCapture(str(path), cv2.CAP_FFMPEG)
@@ -239,7 +239,7 @@ def _examine_file(path: Path) -> tuple[float, int]:
     """Nominal rate, frames a second, and the number of frames that the file says it has, or 0."""
     try:
         with path.open("rb") as file:
-            start = file.read(12)
+            start = file.read(TEXT_BYTES)
     except OSError as error:
         raise BadFileError(
             "the video cannot be opened", where=path, found=error.strerror or str(error)
@@ -248,8 +248,9 @@ def _examine_file(path: Path) -> tuple[float, int]:
         raise BadFileError("the video is empty", where=path, found="0 bytes")
     capture = _open_file(path)
     try:
-        # Only a frame that comes out shows that the file can be read.
-        if capture.isOpened() and capture.read()[0]:
+        # Only a frame that comes out shows that the file can be read; and FFmpeg makes a picture
+        # of any text.
+        if not _is_text(start) and capture.isOpened() and capture.read()[0]:
             count = float(capture.get(cv2.CAP_PROP_FRAME_COUNT))
             return _rate(capture), int(count) if 0.0 < count < 1e9 else 0
     finally:
@@ -258,9 +259,13 @@ def _examine_file(path: Path) -> tuple[float, int]:
         "no video can be read from this file",
         where=path,
         expected="a video file that FFmpeg can decode (mp4, mov, mkv, avi, webm ...)",
-        found=f"a file that begins with {start!r}",
+        found=f"a file that begins with {start[:12]!r}",
         hint="a recording that was cut off before it was finished may lack its index",
     )
+
+
+def _is_text(start: bytes) -> bool:
+    return all(byte in b"\t\n\f\r\x1b" or 32 <= byte < 127 for byte in start)
 
 
 def _open_webcam(index: int) -> tuple[Any, float]:

@@ -8,8 +8,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from cast.hardware import plate, rod, spring, stadium
 from cast.puppet_glb import Paint, PuppetFile
-from cast.surface import Floats, Surface, ball, merged, plate, rod, spline, spring, stadium, turned
+from cast.surface import Floats, Surface, ball, merged, spline, turned
 
 ENAMEL = Paint("enamel", "#1f9aa3", 0.32)
 CREAM = Paint("cream", "#ffe9bd", 0.5, glow=0.30)

@@ -6,7 +6,7 @@ triangles face outwards.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any
@@ -138,27 +138,6 @@ def tube(
     return grid(rings, around=True)
 
 
-def rod(start: ArrayLike, end: ArrayLike, radius: float, *, sides: int = 12) -> Surface:
-    """A straight rod with softly rounded ends."""
-    a, b = np.asarray(start, float), np.asarray(end, float)
-    axis = (b - a) / np.linalg.norm(b - a)
-    length = float(np.linalg.norm(b - a))
-    soft = min(0.35 * radius, 0.2 * length)
-    return turned(
-        [
-            (0.0, 0.0),
-            (radius - soft, 0.0),
-            (radius, soft),
-            (radius, length - soft),
-            (radius - soft, length),
-            (0.0, length),
-        ],
-        origin=a,
-        axis=axis,
-        sides=sides,
-    )
-
-
 def turned(
     profile: Sequence[tuple[float, float]],
     *,
@@ -248,70 +227,10 @@ def sheet(points: ArrayLike, thickness: ArrayLike, *, rim: float = 0.012) -> Sur
     return _smooth(both.positions, both.params, both.triangles)
 
 
-def plate(outline: ArrayLike, thickness: float, *, bevel: float = 0.003) -> Surface:
-    """A flat plate with bevelled edges around z = 0. outline: (N, 2) anticlockwise, star-shaped."""
-    flat = np.asarray(outline, float)
-    middle = flat.mean(axis=0)
-    inset = (
-        middle + (flat - middle) * (1.0 - bevel / np.linalg.norm(flat - middle, axis=1))[:, None]
-    )
-    half = 0.5 * thickness
-
-    def ring(points: Floats, z: float) -> Floats:
-        return np.column_stack([points, np.full(len(points), z)])
-
-    centre = np.broadcast_to(middle, flat.shape)
-    rings = [ring(centre, -half), ring(inset, -half), ring(flat, bevel - half)]
-    rings += [ring(flat, half - bevel), ring(inset, half), ring(centre, half)]
-    return merged([grid(np.stack(pair), around=True) for pair in pairwise(rings)])
-
-
-def stadium(a: ArrayLike, b: ArrayLike, at_a: float, at_b: float, count: int = 9) -> Floats:
-    """The outline around two circles, in the plane: radius `at_a` around `a`, and `at_b` around b.
-
-    (2,), (2,) -> (2 * count, 2), anticlockwise.
-    """
-    start, end = np.asarray(a, float), np.asarray(b, float)
-    way = float(np.arctan2(*(end - start)[::-1]))
-    lean = float(np.arcsin((at_a - at_b) / np.linalg.norm(end - start)))
-    front = np.linspace(way - np.pi / 2 + lean, way + np.pi / 2 - lean, count)
-    rear = np.linspace(way + np.pi / 2 - lean, way + 1.5 * np.pi + lean, count)
-    return np.concatenate(
-        [
-            end + at_b * np.stack([np.cos(front), np.sin(front)], axis=1),
-            start + at_a * np.stack([np.cos(rear), np.sin(rear)], axis=1),
-        ]
-    )
-
-
-def spring(
-    start: ArrayLike, end: ArrayLike, radius: float, wire: float, turns: int, *, per_turn: int = 9
-) -> Surface:
-    """A coil of wire from `start` to `end`, with its ends bent to the axis."""
-    a, b = np.asarray(start, float), np.asarray(end, float)
-    axis = (b - a) / np.linalg.norm(b - a)
-    x = np.cross(axis, (0.0, 0.0, 1.0))
-    x /= np.linalg.norm(x)
-    z = np.cross(x, axis)
-    t = np.linspace(0.0, 1.0, turns * per_turn + 1)
-    angle = 2.0 * np.pi * turns * t
-    swell = radius * np.sqrt(smoothstep(np.minimum(t, 1.0 - t), 0.0, 0.8 / turns))
-    coil = a + t[:, None] * (b - a)
-    coil = coil + swell[:, None] * (np.outer(np.cos(angle), x) + np.outer(np.sin(angle), z))
-    thick = np.full(len(t), wire)
-    thick[[0, -1]] = 0.0
-    return tube(coil, thick, thick, up=axis, sides=4)
-
-
 def edge_distance(surface: Surface, outline: ArrayLike) -> Floats:
     """Metres from each vertex to the nearest of the points of `outline` (N, 3). -> (V,)"""
     gaps = surface.positions[:, None] - np.asarray(outline, float)
     return np.asarray(np.linalg.norm(gaps, axis=2).min(axis=1))
-
-
-def bent(surface: Surface, change: Callable[[Floats], Floats]) -> Surface:
-    """The surface with every vertex moved by `change`, (V, 3) to (V, 3), and new normals."""
-    return _smooth(change(surface.positions), surface.params, surface.triangles)
 
 
 def _smooth(positions: Floats, params: Floats, triangles: Triangles) -> Surface:

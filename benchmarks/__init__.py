@@ -1,0 +1,1 @@
+"""Runnable comparisons; each prints ratios against a reference measured in the same run."""
