@@ -19,6 +19,7 @@ from puppet.pose import Pose
 from puppet.show import ConditioningConfig
 from puppet.skeleton import SkeletonFrame, nobody
 from puppet.solvers.transition import Transition
+from puppet.solvers.turn_limit import TurnLimit
 from puppet.tracking.condition import Conditioner
 from puppet.tracking.neutral import NeutralStance
 
@@ -53,6 +54,7 @@ class Line:
             )
             for puppet in self.puppets
         }
+        self._turn_limits = {puppet.name: TurnLimit() for puppet in self.puppets}
         self._transitions = {puppet.name: Transition() for puppet in self.puppets}
         self._last: SkeletonFrame | None = None
 
@@ -70,7 +72,8 @@ class Line:
             self._count_from(self._neutral.stance)
         poses = {}
         for name, drive in self._drives.items():
-            poses[name] = self._transitions[name](drive(conditioned).base, max(dt, 0.0))
+            pose = self._turn_limits[name](drive(conditioned).base, max(dt, 0.0))
+            poses[name] = self._transitions[name](pose, max(dt, 0.0))
         return Tick(conditioned, self._neutral.stance, self._neutral.measured, poses)
 
     def idle(self, time: float) -> Tick:
@@ -107,4 +110,5 @@ class Line:
             return
         for name, drive in self._drives.items():
             self._drives[name] = drive.with_neutral(stance)
+            self._turn_limits[name].reset()  # the transition sees to it that nothing jumps
             self._transitions[name].start()

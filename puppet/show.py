@@ -55,6 +55,7 @@ class ConditioningConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True
     inferred: how many times slower an inferred joint is followed.
     hold: how long a lost joint keeps its place before its influence fades.
     fade: half-life of the fading. regain: half-life of taking over again.
+    tips: how many times slower the short bones of hands and feet are followed.
     """
 
     smoothing: float = 0.08
@@ -63,6 +64,7 @@ class ConditioningConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True
     hold: float = 0.5
     fade: float = 0.35
     regain: float = 0.12
+    tips: float = 2.5
 
 
 class BusConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):

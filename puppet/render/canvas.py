@@ -9,6 +9,8 @@ from numpy.typing import NDArray
 from puppet.errors import PuppetError
 from puppet.render.program import TEXTURE_UNITS, load_program
 
+Resource = moderngl.Framebuffer | moderngl.Renderbuffer | moderngl.Texture
+
 
 class Canvas:
     """Draw on `scene`, then `finish`; the picture is on `output`.
@@ -30,9 +32,9 @@ class Canvas:
         self._ctx = ctx
         self.samples = max(0, min(samples, int(ctx.info["GL_MAX_SAMPLES"])))
         self._supersample = max(1, supersample)
-        self._shrinking = load_program(ctx, "screen", "shrink")
-        self._shrink = ctx.vertex_array(self._shrinking, [])
-        self._held: list[moderngl.Framebuffer | moderngl.Renderbuffer | moderngl.Texture] = []
+        self._program = load_program(ctx, "screen", "shrink")
+        self._shrink = ctx.vertex_array(self._program, [])
+        self._held: list[Resource] = []
         self.size = (0, 0)
         self.resize(size)
 
@@ -54,20 +56,19 @@ class Canvas:
         if size == self.size:
             return
         self.size = size
-        self._release_targets()
-        self.scene = self._framebuffer(self.samples)
-        self.background = self._framebuffer(0) if self.samples == 0 else None
+        old, self._held = self._held, []
+        drawn = self.drawn_size
+        self.scene, self._drawn = self._framebuffer(drawn, samples=self.samples)
+        self.background = None
+        if self.samples == 0:
+            self.background, _ = self._framebuffer(drawn)
         self._resolved = self.scene
-        if self.samples > 0 or self._supersample > 1:
-            texture = self._ctx.texture(self.drawn_size, 4)
-            self._resolved = self._ctx.framebuffer(texture)
-            self._held += [self._resolved, texture]
-            self._resolved_texture = texture
-        self.output = self._resolved
+        if self.samples > 0:
+            self._resolved, self._drawn = self._framebuffer(drawn, depth=False)
+        self.output, self._shown = self._resolved, self._drawn
         if self._supersample > 1:
-            color = self._ctx.renderbuffer(size, 4)
-            self.output = self._ctx.framebuffer(color)
-            self._held += [self.output, color]
+            self.output, self._shown = self._framebuffer(size, depth=False)
+        self._let_go(old)
 
     def finish(self) -> None:
         """Turn what was drawn on `scene` into the picture on `output`, and leave that bound."""
@@ -75,10 +76,16 @@ class Canvas:
             self._ctx.copy_framebuffer(self._resolved, self.scene)
         self.output.use()
         if self.output is not self._resolved:
-            self._ctx.enable_only(moderngl.NOTHING)
-            self._resolved_texture.use(TEXTURE_UNITS["picture"])
-            self._shrinking["steps"] = self._supersample
-            self._shrink.render(vertices=3)
+            self._shrink_into(self._drawn, self._supersample)
+
+    def show(self, target: moderngl.Framebuffer) -> None:
+        """Draw the picture into `target`, from its lower left corner on.
+
+        It is drawn, not copied, since a window's own framebuffer never learns that it was resized.
+        """
+        target.use()
+        target.viewport = (0, 0, *self.size)
+        self._shrink_into(self._shown, 1)
 
     def read(self) -> NDArray[np.uint8]:
         """The picture on `output`: (height, width, 3) sRGB, the top row first."""
@@ -88,18 +95,28 @@ class Canvas:
 
     def release(self) -> None:
         """Give back what the graphics card holds."""
-        self._release_targets()
-        self._shrink.release()
-        self._shrinking.release()
-
-    def _framebuffer(self, samples: int) -> moderngl.Framebuffer:
-        color = self._ctx.renderbuffer(self.drawn_size, 4, samples=samples)
-        depth = self._ctx.depth_renderbuffer(self.drawn_size, samples=samples)
-        made = self._ctx.framebuffer(color, depth)
-        self._held += [made, color, depth]
-        return made
-
-    def _release_targets(self) -> None:
-        for held in self._held:
-            held.release()
+        self._let_go(self._held)
         self._held = []
+        self._shrink.release()
+        self._program.release()
+
+    def _shrink_into(self, texture: moderngl.Texture, steps: int) -> None:
+        self._ctx.enable_only(moderngl.NOTHING)
+        texture.use(TEXTURE_UNITS["picture"])
+        self._program["steps"] = steps
+        self._shrink.render(vertices=3)
+
+    def _framebuffer(
+        self, size: tuple[int, int], *, samples: int = 0, depth: bool = True
+    ) -> tuple[moderngl.Framebuffer, moderngl.Texture]:
+        color = self._ctx.texture(size, 4, samples=samples)
+        buffer = self._ctx.depth_renderbuffer(size, samples=samples) if depth else None
+        made = self._ctx.framebuffer(color, buffer)
+        self._held += [made, color, *([] if buffer is None else [buffer])]
+        return made, color
+
+    def _let_go(self, resources: list[Resource]) -> None:
+        # The context binds again what was bound last, whether or not it is still there.
+        self._ctx.detect_framebuffer(0).use()
+        for resource in resources:
+            resource.release()

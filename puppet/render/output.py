@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
 from fractions import Fraction
+from io import BytesIO
 from pathlib import Path
 from typing import Any, Final, Protocol
 
@@ -25,6 +25,11 @@ _ENCODERS: Final = (("libx264", {"crf": "18", "preset": "veryfast"}), ("mpeg4", 
 _TICKS: Final = 90_000
 #: The shortest time that browsers grant to a picture of a GIF, in seconds.
 _GIF_STEP: Final = 0.02
+_GIF_PICTURES: Final = 900
+#: An ordered 4×4 screen, in 8-bit steps around zero, about as wide as palette colours lie apart.
+_SCREEN: Final = 0.45 * (
+    np.array([[0, 8, 2, 10], [12, 4, 14, 6], [3, 11, 1, 9], [15, 7, 13, 5]]) - 7.5
+)
 
 
 class Output(Protocol):
@@ -39,7 +44,7 @@ class Output(Protocol):
         ...
 
 
-def open_output(path: Path, *, fps: float = 30.0, width: int | None = None) -> Output:
+def open_output(path: Path, *, fps: float = 15.0, width: int | None = 640) -> Output:
     """The output that the name of `path` asks for: ``.png``, ``.mp4`` or ``.gif``.
 
     A PNG whose name holds a pattern such as ``%04d`` makes a file of each picture, counted from 0;
@@ -112,8 +117,8 @@ class Mp4Output:
     def close(self) -> None:
         """Write what the encoder still holds, and the index. Without a picture there is no file."""
         if self._container is None:
-            if self._last < 0 and self._path.exists() and self._path.stat().st_size == 0:
-                self._path.unlink()
+            if self._last < 0:
+                _drop_if_empty(self._path)
             return
         container, self._container = self._container, None
         with _writing(self._path):
@@ -134,75 +139,105 @@ class Mp4Output:
         self._start = time
 
 
-@dataclass(frozen=True, slots=True)
-class _Shown:
-    image: Image.Image
-    time: float
-
-
 class GifOutput:
-    """An endless GIF with one palette for all its pictures, written when it is closed."""
+    """A GIF that repeats, with one palette for all its pictures, written when it is closed.
 
-    def __init__(self, path: Path, *, fps: float = 15.0, width: int | None = None) -> None:
+    It is for a short scene: after 900 pictures no more are taken, so that memory stays bounded.
+    """
+
+    def __init__(self, path: Path, *, fps: float = 15.0, width: int | None = 640) -> None:
         _try_out(path)
         self._path = path
         self._step = max(1.0 / max(fps, 0.1), _GIF_STEP)
         self._width = width
-        self._shown: list[_Shown] = []
+        #: Each picture as PNG, a fraction of its size, and when it is shown.
+        self._shown: list[tuple[bytes, float]] = []
         self._next = -np.inf
         self._end = 0.0
 
     def write(self, image: Picture8, time: float) -> None:
         """Keep the picture, if its turn has come."""
+        if len(self._shown) >= _GIF_PICTURES:
+            return
         self._end = time
         # Half a millisecond of tolerance: capture times are not exact multiples of anything.
         if time < self._next - 5e-4:
             return
         # From its turn, not from its time: or every other picture of a near multiple would go.
-        self._next = max(self._next + self._step, time + 0.5 * self._step)
+        late = self._next + 0.5 * self._step < time
+        self._next = (time if late else self._next) + self._step
         small = Image.fromarray(image)
         if self._width is not None and self._width < small.width:
             height = max(1, round(small.height * self._width / small.width))
             small = small.resize((self._width, height), Image.Resampling.LANCZOS)
-        self._shown.append(_Shown(small, time))
+        packed = BytesIO()
+        small.save(packed, "PNG", compress_level=1)
+        self._shown.append((packed.getvalue(), time))
 
     def close(self) -> None:
         """Choose the palette, and write the file. Without a picture there is no file."""
         shown, self._shown = self._shown, []
         if not shown:
-            if self._path.exists() and self._path.stat().st_size == 0:
-                self._path.unlink()
+            _drop_if_empty(self._path)
             return
-        palette = _common_palette([one.image for one in shown])
-        images = [one.image.quantize(palette=palette, dither=Image.Dither.NONE) for one in shown]
+        picks = np.linspace(0, len(shown) - 1, min(12, len(shown))).astype(int)
+        palette = common_palette([_unpacked(shown[pick][0]) for pick in picks])
+        images = [_quantized(_unpacked(packed), palette) for packed, _ in shown]
         with _writing(self._path):
             images[0].save(
                 self._path,
                 "GIF",
                 save_all=True,
                 append_images=images[1:],
-                duration=self._durations(shown),
+                duration=self._durations([time for _, time in shown]),
                 loop=0,
-                optimize=False,
+                optimize=True,
                 disposal=1,
             )
 
-    def _durations(self, shown: list[_Shown]) -> list[int]:
+    def _durations(self, times: list[float]) -> list[int]:
         """Milliseconds of each picture, in whole hundredths of a second whose errors do not add."""
-        last = max(self._end, shown[-1].time + self._step)
-        times = np.array([*(one.time for one in shown), last])
-        hundredths = np.round((times - times[0]) * 100.0).astype(int)
+        ends = np.array([*times, max(self._end, times[-1] + self._step)])
+        hundredths = np.round((ends - ends[0]) * 100.0).astype(int)
         return [max(2, int(step)) * 10 for step in np.diff(hundredths)]
 
 
-def _common_palette(images: list[Image.Image]) -> Image.Image:
-    """256 colours for all of them, from up to twelve seen side by side."""
-    picks = [images[i] for i in np.linspace(0, len(images) - 1, min(12, len(images))).astype(int)]
-    width, height = picks[0].size
-    sheet = Image.new("RGB", (width, height * len(picks)))
-    for row, image in enumerate(picks):
-        sheet.paste(image, (0, row * height))
-    return sheet.quantize(256, method=Image.Quantize.MEDIANCUT, kmeans=1)
+def common_palette(images: Sequence[Picture8]) -> Image.Image:
+    """255 colours for all of these, as an image that has them.
+
+    A colour counts by the root of how often it is there: or the dark room, which is most of every
+    picture, would leave nothing for the puppets.
+    """
+    colors = np.concatenate([image.reshape(-1, 3) for image in images])
+    bins = (colors >> 2).astype(np.int32) @ np.array([1 << 12, 1 << 6, 1])
+    counts = np.bincount(bins)
+    used = np.flatnonzero(counts)
+    middles = np.stack([used >> 12, used >> 6 & 63, used & 63], axis=1) * 4 + 2
+    swatch = np.repeat(middles, np.ceil(np.sqrt(counts[used])).astype(int), axis=0)
+    row = Image.fromarray(swatch[None].astype(np.uint8))
+    # One is left over for Pillow, which marks with it what stays as it was.
+    return row.quantize(255, method=Image.Quantize.MEDIANCUT, kmeans=2)
+
+
+def _quantized(image: Picture8, palette: Image.Image) -> Image.Image:
+    """With the colours of the palette, through a fixed screen: what does not move does not change.
+
+    Dithering by error diffusion is finer, but carries every movement over the rest of the picture.
+    """
+    height, width = image.shape[:2]
+    screen = np.tile(_SCREEN, (-(-height // 4), -(-width // 4)))[:height, :width, None]
+    shifted = np.clip(image + screen, 0, 255).round().astype(np.uint8)
+    return Image.fromarray(shifted).quantize(palette=palette, dither=Image.Dither.NONE)
+
+
+def _unpacked(packed: bytes) -> Picture8:
+    with Image.open(BytesIO(packed)) as image:
+        return np.asarray(image.convert("RGB"))
+
+
+def _drop_if_empty(path: Path) -> None:
+    if path.exists() and path.stat().st_size == 0:
+        path.unlink()
 
 
 def _numbered(path: Path, count: int) -> Path:

@@ -23,8 +23,8 @@ from puppet.render.skin import Skin, SkinPrograms
 from puppet.render.stage import SHADOW, Stage
 
 #: How thick a mark on a puppet is, as a part of the armature's size, and how much it covers.
-_MARK_RADIUS: Final = 0.009
-_MARK_ALPHA: Final = 0.62
+_MARK_RADIUS: Final = 0.011
+_MARK_ALPHA: Final = 0.5
 
 
 class Renderer:
@@ -145,7 +145,7 @@ class Renderer:
         self._canvas.finish()
         self._overlay.draw(picture, self.size)
         if target is not None:
-            self._ctx.copy_framebuffer(target, self._canvas.output)
+            self._canvas.show(target)
 
     def read(self) -> NDArray[np.uint8]:
         """The last picture: (height, width, 3) sRGB, the top row first."""
@@ -221,8 +221,9 @@ class Renderer:
             skin.draw(translucent=True)
         self._ctx.enable(moderngl.CULL_FACE)
         self._hollow.draw()
-        # Marks show through the skin: a bone is inside of it.
-        self._ctx.enable_only(moderngl.CULL_FACE | moderngl.BLEND)
+        # Marks show through the skin, since a bone is inside of it, and a little more outside.
+        self._marks.draw()
+        self._ctx.disable(moderngl.DEPTH_TEST)
         self._marks.draw()
 
 

@@ -16,6 +16,6 @@ void main() {
     float ring = 1.0 + 0.2 * clamp(1.4 - away, 0.0, 1.0) * step(0.5, radius);
 
     vec3 light = key_color.rgb * (0.62 * fade) + sky_color.rgb * 0.5;
-    vec3 albedo = vec3(0.150, 0.132, 0.118) * ring;
+    vec3 albedo = vec3(0.122, 0.109, 0.100) * ring;
     color = vec4(developed(backdrop(gl_FragCoord.xy) + fade * albedo * light), 1.0);
 }

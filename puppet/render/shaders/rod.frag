@@ -29,8 +29,8 @@ void main() {
         light += sky_color.rgb * tint.rgb * (0.8 * edge * edge * up);
         color = vec4(developed(light), 1.0);
     } else if (manner == 1) {
-        float shell = 0.12 + 0.75 * edge * edge;
-        color = vec4(developed(tint.rgb * (ambient + 0.45)), shell * tint.a);
+        float shell = 0.10 + 0.85 * edge * edge;
+        color = vec4(developed(tint.rgb * (ambient + 1.1)), shell * tint.a);
     } else {
         color = vec4(developed(tint.rgb * (0.75 + 0.45 * up)), tint.a);
     }

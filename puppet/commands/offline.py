@@ -1,0 +1,160 @@
+"""`puppet render`: a show drawn without a bus or a clock, every frame of it."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TypeVar
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+from rich.console import Console
+from rich.progress import track
+
+from puppet.cast import load_cast
+from puppet.errors import BadShowError
+from puppet.line import Line, Tick
+from puppet.mapping.stance import upright
+from puppet.pose import Pose, rest_pose
+from puppet.render.context import headless_context
+from puppet.render.output import open_output
+from puppet.render.renderer import Renderer
+from puppet.render.scene import Picture, PuppetOnStage
+from puppet.render.sheet import contact_sheet
+from puppet.render.staging import Staging
+from puppet.show import Show, load_show
+from puppet.tracking.open import open_source
+from puppet.tracking.source import Source
+
+T = TypeVar("T")
+
+#: A film of a source that does not say how long it is ends here, seconds.
+LONGEST = 600.0
+#: Pixels to which a picture of a contact sheet is drawn if the size is not given.
+SHEET_WIDTH, SHEET_HEIGHT = 640, 360
+GIF_FPS = 15.0
+
+
+class Studio:
+    """The line and the renderer of a show, without hurry: twice the pixels, averaged."""
+
+    def __init__(self, show: Show, path: Path) -> None:
+        self.show = show
+        cast = load_cast(show, path)
+        self.line = Line(cast, show.conditioning)
+        size = (show.view.width, show.view.height)
+        self._renderer = Renderer(headless_context(), size, samples=0, supersample=2)
+        extents = []
+        for puppet in cast:
+            pairs = {pair.bone: pair.human for pair in puppet.proposal.pairs}
+            self._renderer.add_puppet(PuppetOnStage(puppet.name, puppet.model, pairs))
+            rest = rest_pose(puppet.model.armature)
+            pose = Pose(puppet.placement.position, rest.rotation, rest.bones)
+            extents.append(self._renderer.extent(Picture(poses={puppet.name: pose})))
+        self._staging = Staging(show.view, extents, size[0] / size[1])
+
+    def picture(self, tick: Tick) -> NDArray[np.uint8]:
+        """(height, width, 3) sRGB."""
+        stance = tick.neutral or upright(np.zeros(3), 0.0)
+        self._renderer.draw(
+            self._staging.picture(tick.poses, tick.frame, stance.hip, stance.heading, status=None)
+        )
+        return self._renderer.read()
+
+
+def render_show(
+    path: Path,
+    output: Path,
+    source: str | None,
+    start: float,
+    seconds: float | None,
+    fps: float,
+    width: int | None,
+    height: int | None,
+    sheet: int,
+) -> None:
+    """Draw a source through a show into a film, a picture of its end, or a contact sheet."""
+    show = load_show(path)
+    if sheet and output.suffix.lower() != ".png":
+        raise BadShowError(
+            "a contact sheet is one picture", where=output, expected="a name that ends in .png"
+        )
+    if not (fps > 0 and start >= 0 and (seconds is None or seconds > 0)):
+        raise BadShowError(
+            "these times are not possible",
+            expected="--fps and --seconds above 0, --start from 0",
+            found=f"--fps {fps:g} --seconds {seconds} --start {start:g}",
+        )
+    default = (SHEET_WIDTH, SHEET_HEIGHT) if sheet else (show.view.width, show.view.height)
+    view = msgspec.structs.replace(
+        show.view, width=width or default[0], height=height or default[1]
+    )
+    studio = Studio(msgspec.structs.replace(show, view=view), path)
+    opened = open_source(
+        source or show.source.path,
+        folder=None if source else path.parent,
+        repeat="once" if seconds is None else show.source.repeat,
+        warn=lambda text: _say(f"puppet render: {text}"),
+    )
+    ticks = _ticks(studio.line, opened, start, seconds)
+    if sheet:
+        _sheet(studio, ticks, output, sheet)
+        return
+    film = open_output(output, fps=GIF_FPS if output.suffix.lower() == ".gif" else fps)
+    moments = list(_moments(ticks, fps))
+    if not moments:
+        raise BadShowError("the source has nothing in this stretch of time", where=str(path))
+    for tick in _progress(moments, "drawing"):
+        film.write(studio.picture(tick), tick.frame.time)
+    film.close()
+    _say(f"{output}: {len(moments)} pictures")
+
+
+def _ticks(
+    line: Line, frames: Source, start: float, seconds: float | None
+) -> Iterator[tuple[float, Tick]]:
+    """Steps the line over the whole source; gives the wanted stretch, with its own time."""
+    end = start + (LONGEST if seconds is None else seconds)
+    first: float | None = None
+    for frame in frames:
+        first = frame.time if first is None else first
+        tick = line.step(frame)
+        elapsed = frame.time - first
+        if elapsed > end:
+            break
+        if elapsed >= start:
+            yield elapsed, tick
+    frames.close()
+
+
+def _moments(ticks: Iterator[tuple[float, Tick]], fps: float) -> Iterator[Tick]:
+    """Not more than `fps` of them a second."""
+    due = -np.inf
+    for elapsed, tick in ticks:
+        if elapsed >= due - 1e-6:
+            due = max(due + 1.0 / fps, elapsed + 0.5 / fps)
+            yield tick
+
+
+def _sheet(studio: Studio, ticks: Iterator[tuple[float, Tick]], output: Path, count: int) -> None:
+    moments = list(ticks)
+    if not moments:
+        raise BadShowError("the source has nothing in this stretch of time", where=str(output))
+    chosen = [moments[i] for i in np.linspace(0, len(moments) - 1, count).round().astype(int)]
+    images = [studio.picture(tick) for _, tick in _progress(chosen, "drawing")]
+    labels = [f"{elapsed:.1f} s" for elapsed, _ in chosen]
+    page = contact_sheet(images, columns=min(4, count), labels=labels)
+    film = open_output(output)
+    film.write(page, 0.0)
+    film.close()
+    _say(f"{output}: {count} moments")
+
+
+def _progress(items: list[T], what: str) -> Iterator[T]:
+    yield from track(items, description=what, console=Console(stderr=True), transient=True)
+
+
+def _say(text: str) -> None:
+    sys.stderr.write(text + "\n")
