@@ -12,7 +12,7 @@ import argparse
 import importlib
 from pathlib import Path
 
-NAMES = ("fish", "lamp")
+NAMES = ("fish", "lamp", "dog")
 
 
 def build(name: str) -> bytes:

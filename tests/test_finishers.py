@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -34,7 +35,7 @@ def test_a_transition_starts_where_it_was_and_ends_where_it_should() -> None:
     shown = [finish(pose(2), 1 / 60) for _ in range(40)]
     assert apart(shown[0], pose(1)) < 0.05
     assert apart(shown[-1], pose(2)) < 1e-9
-    steps = [apart(a, b) for a, b in zip(shown, shown[1:], strict=False)]
+    steps = [apart(a, b) for a, b in pairwise(shown)]
     assert max(steps) < 2.0 * apart(pose(1), pose(2)) / 30
 
 

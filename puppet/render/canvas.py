@@ -43,8 +43,11 @@ class Canvas:
         """Pixels, width and height of what is drawn on."""
         return self.size[0] * self._supersample, self.size[1] * self._supersample
 
-    def resize(self, size: tuple[int, int]) -> None:
-        """Make pictures of this size. Raises PuppetError for more than the graphics card can do."""
+    def resize(self, size: tuple[int, int]) -> bool:
+        """Make pictures of this size; False if it already is so.
+
+        Raises PuppetError for more than the graphics card can do.
+        """
         size = (max(1, size[0]), max(1, size[1]))
         limit = int(self._ctx.info["GL_MAX_TEXTURE_SIZE"]) // self._supersample
         if max(size) > limit:
@@ -54,7 +57,7 @@ class Canvas:
                 found=f"{size[0]}×{size[1]}",
             )
         if size == self.size:
-            return
+            return False
         self.size = size
         old, self._held = self._held, []
         drawn = self.drawn_size
@@ -69,6 +72,7 @@ class Canvas:
         if self._supersample > 1:
             self.output, self._shown = self._framebuffer(size, depth=False)
         self._let_go(old)
+        return True
 
     def finish(self) -> None:
         """Turn what was drawn on `scene` into the picture on `output`, and leave that bound."""

@@ -114,8 +114,8 @@ class Renderer:
 
         Raises PuppetError if the graphics card cannot draw so many pixels.
         """
-        self._canvas.resize(size)
-        self._empty_for = None
+        if self._canvas.resize(size):
+            self._empty_for = None
 
     def draw(self, picture: Picture, target: moderngl.Framebuffer | None = None) -> None:
         """Draw a picture; `target` gets a copy of it.

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 from cast.puppet_glb import along
 from cast.surface import Floats, Surface, Triangles, smoothstep, spline
 
-_STEP = 1e-4  # metres, over which a distance is differentiated
+_SOLE = 0.016  # metres over which feet round off at the floor
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -40,27 +40,27 @@ class Limb:
         other = tuple(f"{b[:-2]}.R" if b.endswith(".L") else b for b in self.bones)
         return replace(self, path=self.path * (-1.0, 1.0, 1.0), bones=other)
 
-    def nearest(self, points: Floats) -> tuple[Floats, Floats]:
-        """Signed metres to the limb, and metres along its path to the nearest place. (P, 3)
+    def nearest(self, points: Floats) -> tuple[Floats, Floats, Floats]:
+        """The nearest place of the limb. points: (P, 3)
 
-        Returns (P,), (P,). Where the limb is stretched the distance is right to first order.
+        Returns signed metres to it (P,), metres along the path where it is (P,), and which way is
+        outwards (P, 3). Where the limb is stretched the distance is right to first order.
         """
         middle = 0.5 * (self.path.min(axis=0) + self.path.max(axis=0))
         scale = np.asarray(self.stretch)
         place = middle + (points - middle) / scale
         begin, way = self.path[:-1], np.diff(self.path, axis=0)
         square = np.maximum((way**2).sum(axis=1), 1e-18)
-        t = np.clip(((place[:, None] - begin) * way).sum(axis=2) / square, 0.0, 1.0)
+        t = np.clip((place @ way.T - (begin * way).sum(axis=1)) / square, 0.0, 1.0)
         gap = place[:, None] - begin - t[..., None] * way
         length = np.sqrt((gap**2).sum(axis=2))
         depth = length - self.radii[:-1] - t * np.diff(self.radii)
-        best = depth.argmin(axis=1)
-        row = np.arange(len(points))
-        outward = gap[row, best] / np.maximum(length[row, best], 1e-12)[:, None] / scale
-        slope = np.maximum(np.sqrt((outward**2).sum(axis=1)), 1.0 / scale.max())
+        row, best = np.arange(len(points)), depth.argmin(axis=1)
+        outwards = gap[row, best] / np.maximum(length[row, best], 1e-12)[:, None] / scale
+        steep = np.maximum(np.sqrt((outwards**2).sum(axis=1)), 1.0 / scale.max())
         step = np.sqrt(square)
-        passed = np.concatenate([[0.0], np.cumsum(step)[:-1]])
-        return depth[row, best] / slope, (passed + t * step)[row, best]
+        passed = np.concatenate([[0.0], np.cumsum(step)[:-1]]) + t * step
+        return depth[row, best] / steep, passed[row, best], outwards / steep[:, None]
 
 
 def limb(
@@ -81,15 +81,13 @@ def limb(
     return Limb(smooth[:, :3], smooth[:, 3], names, tuple(joints), soft, melt, stretch)
 
 
-def lump(
-    centre: ArrayLike, half: ArrayLike, bone: str, *, melt: float = 0.04, tail: float = 0.0
-) -> Limb:
+def lump(centre: ArrayLike, half: ArrayLike, bone: str, *, melt: float = 0.04) -> Limb:
     """An ellipsoid with half-axes along x, y and z (a number or three)."""
     radius = np.broadcast_to(np.asarray(half, float), 3)
     small = float(radius.min())
     path = np.repeat(np.asarray(centre, float)[None], 2, axis=0)
     x, y, z = (float(r / small) for r in radius)
-    return Limb(path, np.array([small, small - tail]), (bone,), melt=melt, stretch=(x, y, z))
+    return Limb(path, np.full(2, small), (bone,), melt=melt, stretch=(x, y, z))
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,36 +99,46 @@ class Blend:
 
     def distance(self, points: Floats) -> Floats:
         """Metres to the skin, negative inside. (P, 3) -> (P,)"""
+        return self.field(points)[0]
+
+    def field(self, points: Floats) -> tuple[Floats, Floats]:
+        """Metres to the skin, negative inside (P,), and which way is outwards (P, 3)."""
         first, *others = self.limbs
-        skin = first.nearest(points)[0]
-        for other in others:
-            skin = _melted(skin, other.nearest(points)[0], other.melt)
-        return -_melted(-skin, points[:, 1], 0.016) if self.floor else skin
+        depth, _, outwards = first.nearest(points)
+        for part in others:
+            mine, _, way = part.nearest(points)
+            depth, share = _melted(depth, mine, part.melt)
+            outwards = share[:, None] * outwards + (1.0 - share)[:, None] * way
+        if self.floor:
+            depth, share = _melted(-depth, points[:, 1], _SOLE)
+            depth = -depth
+            outwards = share[:, None] * outwards + np.outer(1.0 - share, (0.0, -1.0, 0.0))
+        return depth, outwards
 
-    def outwards(self, points: Floats) -> Floats:
-        """The gradient of the distance. (P, 3) -> (P, 3)"""
-        steps = _STEP * np.eye(3)
-        sides = [self.distance(points + s) - self.distance(points - s) for s in steps]
-        return np.stack(sides, axis=1) / (2.0 * _STEP)
-
-    def skin(self, cell: float, *, rounds: int = 6) -> Surface:
+    def skin(self, cell: float, *, rounds: int = 3) -> Surface:
         """The surface, in triangles about `cell` metres wide."""
-        reach = [np.array(s.stretch) * s.radii.max() + cell for s in self.limbs]
+        reach = [np.array(s.stretch) * s.radii.max() + 2 * cell for s in self.limbs]
         low = np.min([s.path.min(axis=0) - r for s, r in zip(self.limbs, reach, strict=True)], 0)
         high = np.max([s.path.max(axis=0) + r for s, r in zip(self.limbs, reach, strict=True)], 0)
-        positions, triangles = surface_nets(self.distance, low - cell, high + cell, cell)
+        positions, triangles = surface_nets(self.distance, low, high, cell)
         for _ in range(rounds):
-            positions = self._onto_skin(_relaxed(positions, triangles))
-        normals = self.outwards(positions)
+            positions = _relaxed(positions, triangles)
+            for _ in range(2):
+                depth, outwards = self.field(positions)
+                positions = positions - depth[:, None] * outwards
+        # Differences over a third of a cell: what is finer cannot be drawn.
+        steps = cell / 3.0 * np.eye(3)
+        rise = [self.distance(positions + s) - self.distance(positions - s) for s in steps]
+        normals = np.stack(rise, axis=1)
         normals /= np.linalg.norm(normals, axis=1, keepdims=True)
         return Surface(positions, normals, np.zeros((len(positions), 2)), triangles)
 
     def weights(self, surface: Surface) -> dict[str, Floats]:
         """What each vertex follows: the bones of the limbs whose skin it is, or is closest to."""
         near = [part.nearest(surface.positions) for part in self.limbs]
-        closest = reduce(np.minimum, [depth for depth, _ in near])
+        closest = reduce(np.minimum, [depth for depth, _, _ in near])
         total: dict[str, Floats] = {}
-        for part, (depth, passed) in zip(self.limbs, near, strict=True):
+        for part, (depth, passed, _) in zip(self.limbs, near, strict=True):
             own = smoothstep(1.0 - (depth - closest) / part.melt, 0.0, 1.0)
             for bone, share in along(passed, part.bones, part.joints, part.soft).items():
                 total[bone] = total.get(bone, np.zeros(len(depth))) + own * share
@@ -145,19 +153,12 @@ class Blend:
         way = np.broadcast_to(np.asarray(direction, float), place.shape)
         way = way / np.linalg.norm(way, axis=1, keepdims=True)
         best, nearest = place.copy(), np.full(len(place), np.inf)
-        for _ in range(200):
+        for _ in range(48):
             depth = self.distance(place) - lift
             closer = np.abs(depth) < nearest
             best[closer], nearest[closer] = place[closer], np.abs(depth)[closer]
-            place = place + 0.7 * depth[:, None] * way
+            place = place + 0.8 * depth[:, None] * way
         return best
-
-    def _onto_skin(self, positions: Floats) -> Floats:
-        for _ in range(2):
-            slope = self.outwards(positions)
-            steep = np.maximum((slope**2).sum(axis=1), 0.1)
-            positions = positions - (self.distance(positions) / steep)[:, None] * slope
-        return positions
 
 
 def surface_nets(
@@ -244,7 +245,11 @@ def _relaxed(positions: Floats, triangles: Triangles) -> Floats:
     return 0.5 * positions + 0.5 * total / np.maximum(count, 1.0)[:, None]
 
 
-def _melted(a: Floats, b: Floats, width: float) -> Floats:
-    """The smaller of two, rounded where they differ by less than `width`; smooth to the second."""
+def _melted(a: Floats, b: Floats, width: float) -> tuple[Floats, Floats]:
+    """The smaller of two, rounded where they differ by less than `width`; and how much `a` counts.
+
+    Smooth to the second derivative. (P,), (P,) -> (P,), (P,)
+    """
     near = np.maximum(width - np.abs(a - b), 0.0) / width
-    return np.minimum(a, b) - near**3 * width / 6.0
+    other = 0.5 * near**2
+    return np.minimum(a, b) - near**3 * width / 6.0, np.where(a < b, 1.0 - other, other)

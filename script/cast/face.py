@@ -36,8 +36,8 @@ def eye(
     puppet.add(ring, iris, bone)
     puppet.add(pupil, PUPIL, bone)
     outwards = spark[0] * (1.0 if centre[0] > 0.0 else -1.0)
-    glint = centre + 0.926 * radius * towards(gaze, outwards, spark[1])
-    puppet.add(ball(glint, 0.1825 * radius, rings=6, sides=10), SPARK, bone)
+    glint = centre + 0.925676 * radius * towards(gaze, outwards, spark[1])
+    puppet.add(ball(glint, 0.182432 * radius, rings=6, sides=10), SPARK, bone)
 
 
 def towards(gaze: Floats, yaw: float, pitch: float) -> Floats:
