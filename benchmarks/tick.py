@@ -17,6 +17,7 @@ import subprocess
 import sys
 import time
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -25,7 +26,7 @@ SHOW = REPOSITORY / "configs/shows/rehearsal.toml"
 ROUNDS = 5
 
 
-def measure(frames: int) -> dict[str, object]:
+def measure(frames: int) -> dict[str, Any]:
     """Run `frames` ticks. -> seconds per tick, and a sample of the poses for comparison."""
     from puppet.cast import load_cast
     from puppet.line import Line
@@ -67,8 +68,8 @@ def main() -> None:
         compiled.append(_in_process(frames, jit=True))
         plain.append(_in_process(frames, jit=False))
     same = np.allclose(compiled[0]["poses"], plain[0]["poses"], atol=1e-9)
-    a = statistics.median(float(str(run["seconds"])) for run in compiled)
-    b = statistics.median(float(str(run["seconds"])) for run in plain)
+    a = statistics.median(run["seconds"] for run in compiled)
+    b = statistics.median(run["seconds"] for run in plain)
     print(f"tick, fish and lamp, {frames} frames, median of {ROUNDS} alternating rounds")
     print(f"  numba          {1e6 * a:9.0f} µs")
     print(f"  JIT off        {1e6 * b:9.0f} µs")
@@ -77,7 +78,7 @@ def main() -> None:
         sys.exit(1)
 
 
-def _in_process(frames: int, *, jit: bool) -> dict[str, object]:
+def _in_process(frames: int, *, jit: bool) -> dict[str, Any]:
     done = subprocess.run(
         [sys.executable, "-m", "benchmarks.tick", "--measure", str(frames)],
         env={**os.environ, "NUMBA_DISABLE_JIT": "0" if jit else "1"},
@@ -86,7 +87,7 @@ def _in_process(frames: int, *, jit: bool) -> dict[str, object]:
         capture_output=True,
         text=True,
     )
-    result: dict[str, object] = json.loads(done.stdout)
+    result: dict[str, Any] = json.loads(done.stdout)
     return result
 
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from puppet.armature import Armature
 from puppet.kernel import Floats, Ints, kernel
-from puppet.rotation import IDENTITY, multiply, rotate
+from puppet.rotation import IDENTITY
 from puppet.skeleton import SkeletonFrame
 
 
@@ -69,14 +69,30 @@ def _forward(
     positions: Floats,
     rotations: Floats,
 ) -> None:
+    # Written out in scalars: a small array for each product would cost more than the product.
     for bone in range(len(parents)):
         parent = parents[bone]
         if parent < 0:
-            positions[bone] = translation + rotate(rotation, offsets[bone])
-            rotations[bone] = multiply(rotation, bones[bone])
+            x, y, z, w = rotation[0], rotation[1], rotation[2], rotation[3]
+            px, py, pz = translation[0], translation[1], translation[2]
         else:
-            positions[bone] = positions[parent] + rotate(rotations[parent], offsets[bone])
-            rotations[bone] = multiply(rotations[parent], bones[bone])
+            x, y, z, w = (
+                rotations[parent, 0],
+                rotations[parent, 1],
+                rotations[parent, 2],
+                rotations[parent, 3],
+            )
+            px, py, pz = positions[parent, 0], positions[parent, 1], positions[parent, 2]
+        ox, oy, oz = offsets[bone, 0], offsets[bone, 1], offsets[bone, 2]
+        tx, ty, tz = 2.0 * (y * oz - z * oy), 2.0 * (z * ox - x * oz), 2.0 * (x * oy - y * ox)
+        positions[bone, 0] = px + ox + w * tx + y * tz - z * ty
+        positions[bone, 1] = py + oy + w * ty + z * tx - x * tz
+        positions[bone, 2] = pz + oz + w * tz + x * ty - y * tx
+        bx, by, bz, bw = bones[bone, 0], bones[bone, 1], bones[bone, 2], bones[bone, 3]
+        rotations[bone, 0] = w * bx + x * bw + y * bz - z * by
+        rotations[bone, 1] = w * by - x * bz + y * bw + z * bx
+        rotations[bone, 2] = w * bz + x * by - y * bx + z * bw
+        rotations[bone, 3] = w * bw - x * bx - y * by - z * bz
 
 
 def forward_kinematics(armature: Armature, pose: Pose) -> tuple[Floats, Floats]:

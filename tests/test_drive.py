@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -118,15 +119,7 @@ def test_a_straight_arm_makes_a_straight_fin() -> None:
 
 def test_a_limit_scales_the_human_range_into_it() -> None:
     free = armature_of({"hub": "", "arm.L": "hub"})
-    limited = Armature(
-        free.name,
-        free.names,
-        free.parents,
-        free.offsets,
-        free.rotations,
-        free.tips,
-        np.array([np.inf, math.radians(60)]),
-    )
+    limited = replace(free, limits=np.array([np.inf, math.radians(60)]))
     human = HUMAN_BONE_NAMES.index("upper_arm.L")
     up = turned(
         standing(),
@@ -138,7 +131,7 @@ def test_a_limit_scales_the_human_range_into_it() -> None:
     def swing_of(armature: Armature) -> float:
         drive = ForwardDrive(armature, [Pair(1, human, 1.0)], stance_of(standing()))
         local = Rotation.from_quat(drive(frame(up)).base.bones[1])
-        return (local * Rotation.from_quat(armature.rotations[1]).inv()).magnitude()
+        return float((local * Rotation.from_quat(armature.rotations[1]).inv()).magnitude())
 
     assert swing_of(free) == pytest.approx(math.radians(170), abs=math.radians(6))
     assert swing_of(limited) == pytest.approx(math.radians(60), abs=math.radians(6))
@@ -146,12 +139,7 @@ def test_a_limit_scales_the_human_range_into_it() -> None:
 
 @pytest.mark.parametrize("limit", [math.inf, math.radians(75)])
 def test_arms_that_pass_straight_up_do_not_make_a_fin_jump(limit: float) -> None:
-    armature = armature_of(FISH)
-    armature = Armature(
-        *(getattr(armature, f) for f in ("name", "names", "parents", "offsets", "rotations")),
-        armature.tips,
-        np.full(len(armature), limit),
-    )
+    armature = replace(armature_of(FISH), limits=np.full(len(FISH), limit))
     drive = ForwardDrive(armature, propose_forward(armature).pairs, stance_of(standing()))
     before = None
     for step in range(400):
@@ -183,7 +171,7 @@ def test_no_influence_is_rest_and_half_of_it_is_between() -> None:
 
     def swing_at(influence: float) -> float:
         bones = drive(frame(raised, influence)).base.bones
-        return (Rotation.from_quat(bones[fin]) * rest.inv()).magnitude()
+        return float((Rotation.from_quat(bones[fin]) * rest.inv()).magnitude())
 
     assert swing_at(0.0) < 1e-9
     assert 0.3 * swing_at(1.0) < swing_at(0.5) < 0.7 * swing_at(1.0)

@@ -17,8 +17,8 @@ from puppet.render.skin import Glow
 
 #: What programs that receive shadows are built with: texels on each side of the shadow map, how far
 #: from the middle its samples are taken, in texels, and how many. The floor shows shadows best.
-SHADOW: Final = {"SHADOW_SIZE": 512, "SHADOW_SPREAD": 1, "SHADOW_TAPS": 2}
-_FLOOR_SHADOW: Final = {**SHADOW, "SHADOW_SPREAD": 2, "SHADOW_TAPS": 4}
+SHADOW: Final = {"SHADOW_SIZE": 512, "SHADOW_SPREAD": 1, "SHADOW_TAPS": 1}
+_FLOOR_SHADOW: Final = {**SHADOW, "SHADOW_SPREAD": 2, "SHADOW_TAPS": 2}
 #: The shadow map covers what is on stage, in steps (metres), so that shadows do not swim.
 _SHADOW_STEP: Final = 0.5
 _SHADOW_MARGIN: Final = 0.1

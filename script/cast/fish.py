@@ -4,22 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import cache
-from itertools import pairwise
 
 import numpy as np
 
+from cast.face import eye
+from cast.fan import fan
 from cast.puppet_glb import Paint, PuppetFile, Weights, along
-from cast.surface import (
-    Floats,
-    Surface,
-    ball,
-    edge_distance,
-    grid,
-    sheet,
-    smoothstep,
-    spline,
-    tube,
-)
+from cast.surface import Floats, Surface, grid, smoothstep, spline, tube
 
 ORANGE = Paint("orange", "#f5641a", 0.38)
 WHITE = Paint("white", "#fff6e6", 0.42)
@@ -27,10 +18,7 @@ DARK = Paint("dark", "#3a2226", 0.5)
 FIN = Paint("fin", "#ff9a2e", 0.45)
 MOUTH = Paint("mouth", "#8c2b2b", 0.6)
 TONGUE = Paint("tongue", "#f28a86", 0.6)
-EYE = Paint("eye", "#ffffff", 0.18)
 IRIS = Paint("iris", "#2f8f9d", 0.25)
-PUPIL = Paint("pupil", "#16161c", 0.12)
-SPARK = Paint("spark", "#ffffff", 0.2, glow=0.9)
 
 #: z, middle y, half height, half width of the body, from the root of the tail to the lips.
 BODY = (
@@ -63,37 +51,6 @@ def on_face(x: float, y: float, lift: float = 0.0) -> Floats:
     z, middle, high, wide = front.T
     inside = (x / np.maximum(wide, 1e-6)) ** 2 + ((y - middle) / np.maximum(high, 1e-6)) ** 2
     return np.array([x, y, np.interp(1.0, inside, z) + lift])
-
-
-def fan(
-    root: Callable[[Floats], Floats],
-    reach: Callable[[Floats], Floats],
-    *,
-    thickness: float,
-    rays: int,
-    rows: int = 8,
-    columns: int = 25,
-    ripple: float = 0.0,
-) -> tuple[Surface, Floats]:
-    """A fin with rays. root, reach: across (V,) in 0..1 to where a ray begins, and its way (V, 3).
-
-    ripple: metres by which the outer edge waves to either side. Returns the fin, and metres from
-    each of its vertices to the outer edge.
-    """
-    # A last row close to the edge, so that the rim is round and the faces stay flat.
-    v = np.concatenate([[0.0], np.linspace(0.03, 0.97, columns - 2), [1.0]])
-    u = np.append(np.linspace(0.0, 0.955, rows - 1), 1.0)[:, None, None]
-    begin, way = root(v), reach(v)
-    scallop = 1.0 - 0.035 * (1.0 - np.abs(np.sin(rays * np.pi * v)))[:, None]
-    middle = begin + u * way * scallop
-    side = np.cross(np.gradient(begin + way, axis=0), way)
-    side /= np.linalg.norm(side, axis=1, keepdims=True)
-    middle = middle + side * (ripple * np.sin(rays * np.pi * v))[:, None] * u**2
-    swell = 0.72 + 0.28 * np.abs(np.sin(rays * np.pi * v))
-    blade = sheet(middle, thickness * (1.0 - 0.55 * u[..., 0]) * swell, rim=0.014)
-    outline = np.concatenate([middle[2:, 0], middle[-1], middle[2:, -1]])
-    dense = np.concatenate([np.linspace(a, b, 4) for a, b in pairwise(outline)])
-    return blade, edge_distance(blade, dense)
 
 
 def rimmed(
@@ -164,18 +121,7 @@ def _face(puppet: PuppetFile) -> None:
         centre = np.array([side * 0.098, 0.062, 0.292])
         gaze = np.array([side * 0.40, 0.08, 0.86])
         gaze /= np.linalg.norm(gaze)
-        white = ball(centre, 0.074, axis=gaze, rings=12, sides=18)
-        polar = white.params[:, 0] * 180.0
-        white, dark = white.cut(polar - 43.0)
-        puppet.add(white, EYE, "head")
-        iris, pupil = dark.cut(dark.params[:, 0] * 180.0 - 31.0)
-        puppet.add(iris, IRIS, "head")
-        puppet.add(pupil, PUPIL, "head")
-        puppet.add(
-            ball(centre + 0.0685 * _towards(gaze, side * 10.0, 17.0), 0.0135, rings=6, sides=10),
-            SPARK,
-            "head",
-        )
+        eye(puppet, "head", centre, 0.074, gaze, IRIS)
         brow = spline(
             [
                 on_face(side * x, y, 0.0)
@@ -210,15 +156,6 @@ def _laid(points: Floats, lift: float) -> Floats:
     """A grid of points pushed onto the skin of the face."""
     flat = points.reshape(-1, 3)
     return np.array([on_face(p[0], p[1], lift) for p in flat]).reshape(points.shape)
-
-
-def _towards(gaze: Floats, yaw: float, pitch: float) -> Floats:
-    """`gaze` turned by degrees towards +X and upwards."""
-    right = np.cross((0.0, 1.0, 0.0), gaze)
-    right /= np.linalg.norm(right)
-    up = np.cross(gaze, right)
-    way = gaze + np.tan(np.radians(yaw)) * right + np.tan(np.radians(pitch)) * up
-    return np.asarray(way / np.linalg.norm(way))
 
 
 def _tail(puppet: PuppetFile) -> None:

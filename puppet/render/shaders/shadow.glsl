@@ -14,8 +14,10 @@ float key_light(vec3 position, vec3 normal) {
         texture(shadow_map, place + vec3(-0.90, 0.35, 0.0) * texel)
     );
     return dot(lit, vec4(0.25));
+#elif SHADOW_TAPS == 2
+    return 0.5 * (texture(shadow_map, place + vec3(-0.3, -0.6, 0.0) * texel)
+        + texture(shadow_map, place + vec3(0.3, 0.6, 0.0) * texel));
 #else
-    return 0.5 * (texture(shadow_map, place + vec3(-0.4, -0.6, 0.0) * texel)
-        + texture(shadow_map, place + vec3(0.4, 0.6, 0.0) * texel));
+    return texture(shadow_map, place);
 #endif
 }
