@@ -137,18 +137,35 @@ def render(
         float | None,
         typer.Option(help="How long; all of the source if not given."),
     ] = None,
-    fps: Annotated[float, typer.Option(help="Pictures a second of the film.")] = 30.0,
+    fps: Annotated[
+        float | None,
+        typer.Option(help="Pictures a second of the film: 30, and 15 for a GIF, if not given."),
+    ] = None,
     width: Annotated[int | None, typer.Option(help="Pixels.")] = None,
     height: Annotated[int | None, typer.Option(help="Pixels.")] = None,
     sheet: Annotated[
         int,
         typer.Option(help="A contact sheet of so many moments instead (.png)."),
     ] = 0,
+    at: Annotated[
+        str,
+        typer.Option(help="A contact sheet of these moments: seconds, with commas between."),
+    ] = "",
 ) -> None:
     """Draw a show offline: every frame, smooth edges, no hurry, the same each time."""
     from puppet.commands.offline import render_show
 
-    render_show(show, output, source, start, seconds, fps, width, height, sheet)
+    render_show(
+        show,
+        output,
+        source=source,
+        start=start,
+        seconds=seconds,
+        fps=fps,
+        size=(width, height),
+        sheet=sheet,
+        at=at,
+    )
 
 
 @app.command()

@@ -20,7 +20,7 @@ from rich.table import Table
 from puppet.commands.signals import stop_event
 from puppet.errors import BadShowError, PuppetError
 
-_err = Console(stderr=True)
+_err = Console(stderr=True, soft_wrap=True)
 
 
 def _fresh(path: Path, overwrite: bool) -> None:

@@ -33,8 +33,8 @@ T = TypeVar("T")
 #: A film of a source that does not say how long it is ends here, seconds.
 LONGEST = 600.0
 #: Pixels to which a picture of a contact sheet is drawn if the size is not given.
-SHEET_WIDTH, SHEET_HEIGHT = 640, 360
-GIF_FPS = 15.0
+SHEET_SIZE = (640, 360)
+FILM_FPS, GIF_FPS = 30.0, 15.0
 
 
 class Studio:
@@ -67,29 +67,33 @@ class Studio:
 def render_show(
     path: Path,
     output: Path,
+    *,
     source: str | None,
     start: float,
     seconds: float | None,
-    fps: float,
-    width: int | None,
-    height: int | None,
+    fps: float | None,
+    size: tuple[int | None, int | None],
     sheet: int,
+    at: str,
 ) -> None:
     """Draw a source through a show into a film, a picture of its end, or a contact sheet."""
     show = load_show(path)
-    if sheet and output.suffix.lower() != ".png":
+    times = _times(at)
+    is_sheet = bool(sheet or times)
+    if is_sheet and output.suffix.lower() != ".png":
         raise BadShowError(
             "a contact sheet is one picture", where=output, expected="a name that ends in .png"
         )
-    if not (fps > 0 and start >= 0 and (seconds is None or seconds > 0)):
+    fps = fps or (GIF_FPS if output.suffix.lower() == ".gif" else FILM_FPS)
+    if not (fps > 0 and start >= 0 and (seconds is None or seconds > 0) and sheet >= 0):
         raise BadShowError(
             "these times are not possible",
-            expected="--fps and --seconds above 0, --start from 0",
-            found=f"--fps {fps:g} --seconds {seconds} --start {start:g}",
+            expected="--fps and --seconds above 0, --start and --sheet from 0",
+            found=f"--fps {fps:g} --seconds {seconds} --start {start:g} --sheet {sheet}",
         )
-    default = (SHEET_WIDTH, SHEET_HEIGHT) if sheet else (show.view.width, show.view.height)
+    default = SHEET_SIZE if is_sheet else (show.view.width, show.view.height)
     view = msgspec.structs.replace(
-        show.view, width=width or default[0], height=height or default[1]
+        show.view, width=size[0] or default[0], height=size[1] or default[1]
     )
     studio = Studio(msgspec.structs.replace(show, view=view), path)
     opened = open_source(
@@ -99,10 +103,10 @@ def render_show(
         warn=lambda text: _say(f"puppet render: {text}"),
     )
     ticks = _ticks(studio.line, opened, start, seconds)
-    if sheet:
-        _sheet(studio, ticks, output, sheet)
+    if is_sheet:
+        _sheet(studio, ticks, output, sheet, times)
         return
-    film = open_output(output, fps=GIF_FPS if output.suffix.lower() == ".gif" else fps)
+    film = open_output(output, fps=fps)
     moments = list(_moments(ticks, fps))
     if not moments:
         raise BadShowError("the source has nothing in this stretch of time", where=str(path))
@@ -110,6 +114,15 @@ def render_show(
         film.write(studio.picture(tick), tick.frame.time)
     film.close()
     _say(f"{output}: {len(moments)} pictures")
+
+
+def _times(text: str) -> list[float]:
+    try:
+        return [float(word) for word in text.split(",") if word.strip()]
+    except ValueError:
+        raise BadShowError(
+            "these are not moments", where="--at", expected="seconds, as 2.5,4,7", found=text
+        ) from None
 
 
 def _ticks(
@@ -138,18 +151,26 @@ def _moments(ticks: Iterator[tuple[float, Tick]], fps: float) -> Iterator[Tick]:
             yield tick
 
 
-def _sheet(studio: Studio, ticks: Iterator[tuple[float, Tick]], output: Path, count: int) -> None:
+def _sheet(
+    studio: Studio,
+    ticks: Iterator[tuple[float, Tick]],
+    output: Path,
+    count: int,
+    times: list[float],
+) -> None:
+    """Draw the moments nearest to `times`, or else `count` of them evenly spread."""
     moments = list(ticks)
     if not moments:
         raise BadShowError("the source has nothing in this stretch of time", where=str(output))
-    chosen = [moments[i] for i in np.linspace(0, len(moments) - 1, count).round().astype(int)]
+    elapsed = np.array([moment[0] for moment in moments])
+    wanted = np.array(times) if times else np.linspace(elapsed[0], elapsed[-1], count)
+    chosen = [moments[int(np.abs(elapsed - time).argmin())] for time in wanted]
     images = [studio.picture(tick) for _, tick in _progress(chosen, "drawing")]
-    labels = [f"{elapsed:.1f} s" for elapsed, _ in chosen]
-    page = contact_sheet(images, columns=min(4, count), labels=labels)
+    labels = [f"{time:.1f} s" for time, _ in chosen]
     film = open_output(output)
-    film.write(page, 0.0)
+    film.write(contact_sheet(images, columns=min(4, len(images)), labels=labels), 0.0)
     film.close()
-    _say(f"{output}: {count} moments")
+    _say(f"{output}: {len(images)} moments")
 
 
 def _progress(items: list[T], what: str) -> Iterator[T]:

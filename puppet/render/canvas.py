@@ -43,6 +43,11 @@ class Canvas:
         """Pixels, width and height of what is drawn on."""
         return self.size[0] * self._supersample, self.size[1] * self._supersample
 
+    @property
+    def fine(self) -> bool:
+        """Whether quality was asked for."""
+        return self.samples > 0 or self._supersample > 1
+
     def resize(self, size: tuple[int, int]) -> bool:
         """Make pictures of this size; False if it already is so.
 

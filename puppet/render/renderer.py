@@ -20,11 +20,11 @@ from puppet.render.program import load_program
 from puppet.render.rods import Manner, RodBatch, Rods, boxes_of, no_rods, rods
 from puppet.render.scene import Picture, PuppetOnStage
 from puppet.render.skin import Skin, SkinPrograms
-from puppet.render.stage import SHADOW, Stage
+from puppet.render.stage import FINE, QUICK, Stage
 
 #: How thick a mark on a puppet is, as a part of the armature's size, and how much it covers.
 _MARK_RADIUS: Final = 0.011
-_MARK_ALPHA: Final = 0.5
+_MARK_ALPHA: Final = 0.55
 
 
 class Renderer:
@@ -47,10 +47,11 @@ class Renderer:
         if samples is None:
             samples = 0 if is_software(ctx) else 4
         self._canvas = Canvas(ctx, size, samples, supersample)
-        self._stage = Stage(ctx)
-        self._programs = SkinPrograms(ctx, SHADOW)
+        shadows = FINE if self._canvas.fine else QUICK
+        self._stage = Stage(ctx, shadows)
+        self._programs = SkinPrograms(ctx, shadows.surface)
         self._rod_programs = (
-            load_program(ctx, "rod", "rod", defines=SHADOW),
+            load_program(ctx, "rod", "rod", defines=shadows.surface),
             load_program(ctx, "rod", "depth", defines={"INTO_SHADOW_MAP": 1}),
         )
         # Bones end inside their joints, so they need no caps of their own.
@@ -221,8 +222,7 @@ class Renderer:
             skin.draw(translucent=True)
         self._ctx.enable(moderngl.CULL_FACE)
         self._hollow.draw()
-        # Marks show through the skin, since a bone is inside of it, and a little more outside.
-        self._marks.draw()
+        # Marks show through the skin, since a bone is inside of it.
         self._ctx.disable(moderngl.DEPTH_TEST)
         self._marks.draw()
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Final
 
 import moderngl
@@ -15,10 +16,38 @@ from puppet.render.camera import Camera
 from puppet.render.program import STAGE_BINDING, TEXTURE_UNITS, load_program
 from puppet.render.skin import Glow
 
-#: What programs that receive shadows are built with: texels on each side of the shadow map, how far
-#: from the middle its samples are taken, in texels, and how many. The floor shows shadows best.
-SHADOW: Final = {"SHADOW_SIZE": 512, "SHADOW_SPREAD": 1, "SHADOW_TAPS": 1}
-_FLOOR_SHADOW: Final = {**SHADOW, "SHADOW_SPREAD": 2, "SHADOW_TAPS": 2}
+
+@dataclass(frozen=True, slots=True)
+class ShadowQuality:
+    """How finely shadows are drawn: texels on each side of the shadow map, and how it is sampled.
+
+    taps: samples a pixel takes, 1, 2 or 4. spread: texels that they lie from the middle.
+    """
+
+    size: int
+    taps: int
+    spread: int
+    floor_taps: int
+    floor_spread: int
+
+    @property
+    def surface(self) -> dict[str, int]:
+        """What programs that draw puppets and performers are built with."""
+        return self._defines(self.taps, self.spread)
+
+    @property
+    def floor(self) -> dict[str, int]:
+        """What the program that draws shadows on the floor is built with: they show best there."""
+        return self._defines(self.floor_taps, self.floor_spread)
+
+    def _defines(self, taps: int, spread: int) -> dict[str, int]:
+        return {"SHADOW_SIZE": self.size, "SHADOW_TAPS": taps, "SHADOW_SPREAD": spread}
+
+
+#: For graphics cards and for pictures that nobody waits for; and for processors that draw.
+FINE: Final = ShadowQuality(size=1024, taps=2, spread=1, floor_taps=4, floor_spread=3)
+QUICK: Final = ShadowQuality(size=512, taps=1, spread=0, floor_taps=2, floor_spread=1)
+
 #: The shadow map covers what is on stage, in steps (metres), so that shadows do not swim.
 _SHADOW_STEP: Final = 0.5
 _SHADOW_MARGIN: Final = 0.1
@@ -54,8 +83,9 @@ _UNIFORMS: Final = np.dtype(
 class Stage:
     """Floor, room and light. `set` it for a picture, draw the shadows, then draw the rest."""
 
-    def __init__(self, ctx: moderngl.Context) -> None:
+    def __init__(self, ctx: moderngl.Context, shadows: ShadowQuality = FINE) -> None:
         self._ctx = ctx
+        self._shadows = shadows
         self._block = ctx.buffer(reserve=_UNIFORMS.itemsize, dynamic=True)
         self._values = np.zeros((), _UNIFORMS)
         self._values["key_direction"][:3] = _KEY
@@ -63,7 +93,7 @@ class Stage:
         self._values["sky_color"][:3] = (0.40, 0.43, 0.50)
         self._values["bounce_color"][:3] = (0.19, 0.155, 0.13)
 
-        self._shadow_map = ctx.depth_texture((SHADOW["SHADOW_SIZE"],) * 2)
+        self._shadow_map = ctx.depth_texture((shadows.size, shadows.size))
         self._shadow_map.compare_func = "<="
         self._shadow_map.filter = (moderngl.LINEAR, moderngl.LINEAR)
         self._shadow_map.repeat_x = self._shadow_map.repeat_y = False
@@ -72,7 +102,7 @@ class Stage:
         self._programs = (
             load_program(ctx, "screen", "backdrop"),
             load_program(ctx, "floor", "floor"),
-            load_program(ctx, "floor", "fallen", defines=_FLOOR_SHADOW),
+            load_program(ctx, "floor", "fallen", defines=shadows.floor),
         )
         room, floor, shaded = self._programs
         corners = _FLOOR * np.array([-1, -1, -1, 1, 1, -1, 1, 1], np.float32)
@@ -102,7 +132,7 @@ class Stage:
             min(len(glows), _GLOWS),
         )
         values["pool"][:3] = (camera.target[0], camera.target[2], 1.0 / _pool_radius(camera) ** 2)
-        shadow, texel = _shadow_from_world(corners_of(boxes))
+        shadow, texel = _shadow_from_world(corners_of(boxes), self._shadows.size)
         values["shadow_from_world"] = shadow.T
         values["eye"][3] = texel
         for index, glow in enumerate(glows[:_GLOWS]):
@@ -158,7 +188,7 @@ def _pool_radius(camera: Camera) -> float:
     return min(max(1.05 * camera.distance, 1.5), 0.9 * _FLOOR)
 
 
-def _shadow_from_world(corners: Floats) -> tuple[Floats, float]:
+def _shadow_from_world(corners: Floats, size: int) -> tuple[Floats, float]:
     """The light's view of these points as texture and depth coordinates, and metres per texel."""
     right = np.cross([0.0, 1.0, 0.0], _KEY)
     right /= np.linalg.norm(right)
@@ -168,7 +198,7 @@ def _shadow_from_world(corners: Floats) -> tuple[Floats, float]:
     side = float((high - low)[:2].max()) + 2.0 * _SHADOW_MARGIN
     # In steps, so that a shadow's edge does not shimmer while others move.
     side = float(np.ceil(side / _SHADOW_STEP)) * _SHADOW_STEP
-    texel = side / SHADOW["SHADOW_SIZE"]
+    texel = side / size
     middle = np.round((low + high)[:2] / 2.0 / texel) * texel
     deep = float(high[2] - low[2]) + 2.0 * _SHADOW_MARGIN
     matrix = np.eye(4)

@@ -12,7 +12,7 @@ from functools import reduce
 import numpy as np
 from numpy.typing import ArrayLike
 
-from cast.puppet_glb import along
+from cast.puppet_glb import along, other_side
 from cast.surface import Floats, Surface, Triangles, smoothstep, spline
 
 _SOLE = 0.016  # metres over which feet round off at the floor
@@ -37,7 +37,7 @@ class Limb:
 
     def mirrored(self) -> Limb:
         """The limb on the other side of x = 0, with the bones of that side."""
-        other = tuple(f"{b[:-2]}.R" if b.endswith(".L") else b for b in self.bones)
+        other = tuple(map(other_side, self.bones))
         return replace(self, path=self.path * (-1.0, 1.0, 1.0), bones=other)
 
     def nearest(self, points: Floats) -> tuple[Floats, Floats, Floats]:

@@ -6,8 +6,8 @@ import numpy as np
 
 from cast.blend import Blend, Limb, limb, lump
 from cast.face import eye, stroke
-from cast.puppet_glb import Paint, PuppetFile, Weights, along
-from cast.surface import Floats, Surface, ball, grid, sheet, smoothstep, spline, tube
+from cast.puppet_glb import Paint, PuppetFile
+from cast.surface import ball, sheet, smoothstep, spline, spot, tube
 
 TAN = Paint("tan", "#dd8636", 0.55)
 WHITE = Paint("white", "#fff4e2", 0.55)
@@ -113,28 +113,26 @@ def body() -> Blend:
 def _coat(puppet: PuppetFile, body: Blend) -> None:
     coat = body.skin(0.028)
 
-    def off(coat: Surface, centre: tuple[float, float, float], half: float | tuple[float, ...]) -> Floats:
-        """Distance from an ellipsoid's rim, in its half-axes: negative in it."""
-        return np.linalg.norm((coat.positions - centre) / np.asarray(half), axis=1) - 1.0
-
     # White: muzzle with a blaze, chest and belly, socks, and the tip of the tail.
     for edge in (
         lambda c: np.minimum(
-            off(c, (0, 0.500, 0.446), (0.130, 0.096, 0.153)),
-            off(c, (0, 0.658, 0.367), (0.038, 0.170, 0.113)),
+            spot(c, (0, 0.500, 0.446), (0.130, 0.096, 0.153)),
+            spot(c, (0, 0.658, 0.367), (0.038, 0.170, 0.113)),
         ),
-        lambda c: off(c, (0, 0.285, 0.185), (0.085, 0.145, 0.110)),
+        lambda c: spot(c, (0, 0.285, 0.185), (0.085, 0.145, 0.110)),
         lambda c: c.positions[:, 1] - 0.098,
-        lambda c: 0.545 + 0.25 * (c.positions[:, 2] + 0.38) - np.where(
-            c.positions[:, 2] < -0.30, c.positions[:, 1], 0.0
+        lambda c: (
+            0.545
+            + 0.25 * (c.positions[:, 2] + 0.38)
+            - np.where(c.positions[:, 2] < -0.30, c.positions[:, 1], 0.0)
         ),
     ):
         coat, part = coat.cut(edge(coat))
         puppet.add(part, WHITE, body.weights)
     # Brown: a saddle, and the patch over the left eye.
     for edge in (
-        lambda c: off(c, (0, 0.470, -0.090), (0.125, 0.105, 0.155)),
-        lambda c: off(c, (0.099, 0.645, 0.310), (0.075, 0.084, 0.124)),
+        lambda c: spot(c, (0, 0.470, -0.090), (0.125, 0.105, 0.155)),
+        lambda c: spot(c, (0.099, 0.645, 0.310), (0.075, 0.084, 0.124)),
     ):
         coat, part = coat.cut(edge(coat))
         puppet.add(part, BROWN, body.weights)
@@ -166,18 +164,22 @@ def _face(puppet: PuppetFile, body: Blend) -> None:
     puppet.add(stroke(lip, 0.009, up=(1.0, 0.0, 0.0)), DARK, "head")
 
     middle = spline([(0, 0.491, 0.446), (0, 0.466, 0.478), (0, 0.419, 0.482)], 10)
-    wide = 0.030 * np.sqrt(np.clip(1.0 - np.linspace(0.0, 1.0, 10) ** 4, 0.0, 1.0))
+    wide = 0.030 * np.sqrt(1.0 - 0.85 * np.linspace(0.0, 1.0, 10) ** 4)
     across = np.linspace(-1.0, 1.0, 9)
     flat = middle[:, None] + np.stack(
-        [wide[:, None] * across, 0.004 * across**2 + 0 * wide[:, None], 0 * across + 0 * wide[:, None]],
-        axis=-1,
+        np.broadcast_arrays(wide[:, None] * across, 0.004 * across**2, 0.0), axis=-1
     )
     puppet.add(sheet(flat, 0.016, rim=0.008), TONGUE, "head")
 
 
 def _ears(puppet: PuppetFile) -> None:
     path = spline(
-        [(0.090, 0.703, 0.203), (0.158, 0.715, 0.197), (0.210, 0.624, 0.203), (0.215, 0.500, 0.222)],
+        (
+            (0.090, 0.703, 0.203),
+            (0.158, 0.715, 0.197),
+            (0.210, 0.624, 0.203),
+            (0.215, 0.500, 0.222),
+        ),
         13,
     )
     t = np.linspace(0.0, 1.0, 13)
@@ -186,8 +188,7 @@ def _ears(puppet: PuppetFile) -> None:
     thick = 0.35 * wide + 0.006 * (t < 1.0)
     thick[-1] = wide[-1] = 0.0
     ear = tube(path, thick, wide, up=(0.0, 0.0, 1.0), sides=14)
-    puppet.add(ear, BROWN, "head")
-    puppet.add(ear.mirrored(), BROWN, "head")
+    puppet.add_both(ear, BROWN, "head")
 
 
 def _collar(puppet: PuppetFile, body: Blend) -> None:
@@ -197,7 +198,8 @@ def _collar(puppet: PuppetFile, body: Blend) -> None:
     around = np.outer(np.sin(angle), (1.0, 0.0, 0.0)) + np.outer(np.cos(angle), forward)
     ring = body.seen_from(NECK[0] + 0.45 * (NECK[1] - NECK[0]) + 0.2 * around, -around, 0.004)
     puppet.add(tube(ring, 0.011, 0.017, up=axis, sides=8, roundness=3.0), COLLAR, body.weights)
-    puppet.add(ball(ring[0] + (0, -0.026, 0.010), (0.024, 0.026, 0.008), rings=9, sides=16), GOLD, "chest")
+    tag = ball(ring[0] + (0.0, -0.026, 0.010), (0.024, 0.026, 0.008), rings=9, sides=16)
+    puppet.add(tag, GOLD, "chest")
 
 
 def _toes(puppet: PuppetFile, body: Blend) -> None:
@@ -206,4 +208,5 @@ def _toes(puppet: PuppetFile, body: Blend) -> None:
             for off in (-0.019, 0.019):
                 high = [(side * x + off, y, z + 0.2) for y in (0.055, 0.036, 0.016)]
                 line = body.seen_from(high, (0, 0, -1))
-                puppet.add(stroke(line, 0.008, up=(1.0, 0.0, 0.0), count=6, sides=5), DARK, f"{bone}.{name}")
+                toe = stroke(line, 0.008, up=(1.0, 0.0, 0.0), count=6, sides=5)
+                puppet.add(toe, DARK, f"{bone}.{name}")

@@ -67,6 +67,21 @@ class PuppetFile:
             table[:, names.index(bone)] += share
         self.parts.append((surface, paint, table / table.sum(axis=1, keepdims=True)))
 
+    def add_both(
+        self,
+        surface: Surface,
+        paint: Paint,
+        weights: str | Weights | Callable[[Surface], Weights],
+    ) -> None:
+        """Put a part of the left side on the puppet, and its mirror image on the right."""
+        if isinstance(weights, str):
+            weights = {weights: 1.0}
+        elif callable(weights):
+            weights = weights(surface)
+        self.add(surface, paint, weights)
+        swapped = {other_side(bone): share for bone, share in weights.items()}
+        self.add(surface.mirrored(), paint, swapped)
+
     def glb(self) -> bytes:
         """The file."""
         names = list(self.bones)
@@ -119,6 +134,11 @@ class PuppetFile:
         )
         document.set_binary_blob(bytes(writer.data))
         return b"".join(document.save_to_bytes())
+
+
+def other_side(bone: str) -> str:
+    """The bone on the right for one on the left; itself for one in the middle."""
+    return f"{bone[:-2]}.R" if bone.endswith(".L") else bone
 
 
 def along(

@@ -227,6 +227,15 @@ def sheet(points: ArrayLike, thickness: ArrayLike, *, rim: float = 0.012) -> Sur
     return _smooth(both.positions, both.params, both.triangles)
 
 
+def spot(surface: Surface, centre: ArrayLike, half: ArrayLike) -> Floats:
+    """Where each vertex is in an ellipsoid: -1 in its centre, 0 on its rim, more outside. -> (V,)
+
+    half: metres, its half-axes along x, y and z.
+    """
+    offset = (surface.positions - np.asarray(centre, float)) / np.asarray(half, float)
+    return np.asarray(np.sqrt((offset**2).sum(axis=1)) - 1.0)
+
+
 def edge_distance(surface: Surface, outline: ArrayLike) -> Floats:
     """Metres from each vertex to the nearest of the points of `outline` (N, 3). -> (V,)"""
     gaps = surface.positions[:, None] - np.asarray(outline, float)

@@ -20,17 +20,10 @@ vec3 developed(vec3 color) {
     return (x * (6.2 * x + 0.5)) / (x * (6.2 * x + 1.7) + 0.06);
 }
 
-// The light of the lamps that puppets carry, as it arrives at a surface.
-vec3 glow_on(vec3 position, vec3 normal) {
-    vec3 light = vec3(0.0);
-    for (int i = 0; i < int(viewport.w); ++i) {
-        vec3 way = glow_position[i].xyz - position;
-        float square = dot(way, way);
-        float falloff = clamp(1.0 - square * glow_position[i].w, 0.0, 1.0);
-        float facing = max(dot(normal, way) * inversesqrt(square + 1e-4), 0.0);
-        light += glow_color[i].rgb * (facing * falloff * falloff / (0.15 + square));
-    }
-    return light;
+// Where a point lies in the shadow map. Stepping off the surface instead of a large depth bias keeps
+// shadows attached to feet.
+vec3 shadow_place(vec3 position, vec3 normal) {
+    return (shadow_from_world * vec4(position + normal * (1.5 * eye.w), 1.0)).xyz;
 }
 
 // The dark room behind everything: a little lighter around the middle of the picture.

@@ -1,6 +1,7 @@
 // A capsule that runs from one point to another, many in one call; a sphere where they are the same.
 
 #include "light.glsl"
+#include "fill.glsl"
 
 in vec3 in_normal;  // of a unit capsule along +Y
 in float in_along;  // 0 at its start, 1 at its end
@@ -9,8 +10,10 @@ in vec4 in_start;   // xyz, radius
 in vec4 in_end;
 in vec4 in_color;   // linear; alpha counts only where it is drawn with blending
 
-out vec3 position;
 out vec3 normal;
+out vec3 halfway;  // between eye and key light
+out vec3 place;    // in the shadow map
+out vec3 fill;
 flat out vec4 tint;
 
 void main() {
@@ -20,9 +23,13 @@ void main() {
     vec3 x = normalize(abs(y.x) < 0.7 ? vec3(0.0, -y.z, y.y) : vec3(y.z, 0.0, -y.x));
     vec3 z = cross(x, y);
     normal = mat3(x, y, z) * in_normal;
-    position = mix(in_start.xyz, in_end.xyz, in_along)
+    vec3 position = mix(in_start.xyz, in_end.xyz, in_along)
         + normal * mix(in_start.w, in_end.w, in_along);
     tint = in_color;
+    vec3 to_eye = normalize(eye.xyz - position);
+    halfway = normalize(key_direction.xyz + to_eye);
+    place = shadow_place(position, normal);
+    fill = fill_on(position, normal, to_eye);
 #ifdef INTO_SHADOW_MAP
     gl_Position = vec4((shadow_from_world * vec4(position, 1.0)).xyz * 2.0 - 1.0, 1.0);
 #else

@@ -2,9 +2,8 @@
 
 uniform sampler2DShadow shadow_map;
 
-float key_light(vec3 position, vec3 normal) {
-    // Stepping off the surface instead of a large depth bias keeps shadows attached to feet.
-    vec3 place = (shadow_from_world * vec4(position + normal * (1.5 * eye.w), 1.0)).xyz;
+// place: as `shadow_place` gives it.
+float key_light(vec3 place) {
     float texel = float(SHADOW_SPREAD) / float(SHADOW_SIZE);
 #if SHADOW_TAPS == 4
     vec4 lit = vec4(
