@@ -217,8 +217,12 @@ def models(
         Path | None,
         typer.Option(help="Keep them here instead of in the user's cache."),
     ] = None,
+    wheel: Annotated[
+        Path | None,
+        typer.Option(help="Take them out of this mediapipe wheel: for a machine without network."),
+    ] = None,
 ) -> None:
     """Get the pose models that webcams and videos need (35 MB, once)."""
     from puppet.commands.files import get_models
 
-    get_models(cache)
+    get_models(cache, wheel)

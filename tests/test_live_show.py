@@ -113,7 +113,8 @@ def test_without_a_display_it_says_so_and_keeps_pictures(tmp_path: Path, free_po
     assert process.returncode == 0, errors
     assert "no display" in errors
     assert "puppet-view.png" in errors
-    picture = np.asarray(Image.open(tmp_path / "puppet-view.png").convert("RGB"), float)
+    with Image.open(tmp_path / "puppet-view.png") as image:
+        picture = np.asarray(image.convert("RGB"), float)
     assert picture.shape == (720, 1280, 3)
     orange = (picture[..., 0] > 180) & (picture[..., 1] < 140) & (picture[..., 2] < 60)
     assert orange.sum() > 2000, "the fish is not in the picture"

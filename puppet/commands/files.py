@@ -57,7 +57,7 @@ def record_take(path: Path, source: str, seconds: float | None, overwrite: bool)
         ) as progress,
         TakeWriter(part, opened.info) as writer,
     ):
-        task = progress.add_task(f"recording {source}", total=len(opened) or None, seen="")
+        task = progress.add_task(f"recording {Path(source).name}", total=len(opened) or None, seen="")
         try:
             for frame in opened:
                 started = frame.time if started is None else started
@@ -78,6 +78,8 @@ def record_take(path: Path, source: str, seconds: float | None, overwrite: bool)
         f"{path.stat().st_size / 1000:.0f} kB",
         highlight=False,
     )
+    for warning in getattr(opened, "warnings", ()):
+        _err.print(f"{source}: {warning}", style="yellow", markup=False, highlight=False)
     if present == 0:
         _err.print("nobody was seen: is the whole person in the picture?", style="yellow")
 
@@ -139,8 +141,8 @@ def map_armature(path: Path, mode: str, as_json: bool) -> None:
     Console().print(table)
 
 
-def get_models(cache: Path | None) -> None:
-    """Fetch the pose models, if they are not there."""
+def get_models(cache: Path | None, wheel: Path | None) -> None:
+    """Fetch the pose models, if they are not there; from a wheel, if one is given."""
     from puppet.tracking.models import fetch_models
 
     with Progress(
@@ -148,6 +150,8 @@ def get_models(cache: Path | None) -> None:
     ) as progress:
         task = progress.add_task("pose models", total=1.0)
         found = fetch_models(
-            lambda what, share: progress.update(task, description=what, completed=share), cache
+            lambda what, share: progress.update(task, description=what, completed=share),
+            cache,
+            wheel=wheel,
         )
     _err.print(f"{found.detector.parent}", highlight=False)

@@ -102,10 +102,11 @@ def track_show(path: Path, source: str | None, port: int | None) -> None:
         source or show.source.path,
         folder=None if source else path.parent,
         repeat=show.source.repeat,
+        speed=show.source.speed,
         warn=lambda warning: _say(f"puppet track: {warning}"),
     )
     with Bus.join(show.bus.endpoint, show.key) as bus:
-        run_track(opened, bus, stop, speed=show.source.speed)
+        run_track(opened, bus, stop)
 
 
 def stage_show(path: Path, port: int | None) -> None:

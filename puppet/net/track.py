@@ -4,21 +4,21 @@ from __future__ import annotations
 
 import threading
 import time
+from collections.abc import Iterator
 
 from puppet.net.bus import Bus
 from puppet.net.health import Health
 from puppet.net.messages import SkeletonMessage, encode
+from puppet.skeleton import SkeletonFrame
+from puppet.tracking.replay import Replay, paced
 from puppet.tracking.source import Source
 
 #: Seconds by which a frame may be published behind its time before it counts as late.
 LATE = 0.1
 
 
-def run_track(source: Source, bus: Bus, stop: threading.Event, *, speed: float = 1.0) -> None:
-    """Publish a source's frames until it ends or `stop` is set.
-
-    A live source sets its own pace. Others are paced by their capture times, `speed` times faster.
-    """
+def run_track(source: Source, bus: Bus, stop: threading.Event) -> None:
+    """Publish a source's frames, each at its time, until it ends or `stop` is set."""
     info = source.info
     stream_ns = time.monotonic_ns()
     health = Health(bus, "track")
@@ -27,32 +27,38 @@ def run_track(source: Source, bus: Bus, stop: threading.Event, *, speed: float =
     bus.be_present("track", str(stream_ns))
     health.state = "running"
     started: float | None = None
-    first = 0.0
     try:
-        for frame in source:
-            if stop.is_set():
+        for due, frame in _timed(source):
+            now = time.monotonic()
+            started = now - due if started is None else started
+            if stop.wait(max(started + due - now, 0.0)):
                 break
-            if not info.live:
-                now = time.monotonic()
-                if started is None:
-                    started, first = now, frame.time
-                due = started + (frame.time - first) / speed
-                if stop.wait(max(due - now, 0.0)):
-                    break
-                health.counters["late"] += now - due > LATE
-            publish(
-                encode(
-                    SkeletonMessage.of(
-                        frame,
-                        source=info.name,
-                        synthetic=info.synthetic,
-                        stream_ns=stream_ns,
-                        sent_ns=time.monotonic_ns(),
-                    )
-                )
+            health.counters["late"] += now - (started + due) > LATE
+            message = SkeletonMessage.of(
+                frame,
+                source=info.name,
+                synthetic=info.synthetic,
+                stream_ns=stream_ns,
+                sent_ns=time.monotonic_ns(),
             )
+            publish(encode(message))
             health.counters["frames"] += 1
             health.counters["nobody"] += not frame.present
     finally:
         source.close()
         health.close()
+
+
+def _timed(source: Source) -> Iterator[tuple[float, SkeletonFrame]]:
+    """Frames with the seconds, from the first one, at which each is due.
+
+    A live source comes in its own time. A recording says how fast it is to be played; a video file
+    is played as it was filmed.
+    """
+    if isinstance(source, Replay):
+        yield from paced(source)
+        return
+    first: float | None = None
+    for frame in source:
+        first = frame.time if first is None else first
+        yield (0.0 if source.info.live else frame.time - first), frame

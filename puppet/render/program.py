@@ -12,7 +12,7 @@ import moderngl
 _FOLDER: Final = files("puppet.render") / "shaders"
 _HEADER: Final = "#version 330 core\n"
 #: Shared by several shaders; they say ``#include "light.glsl"``.
-_SHARED: Final = ("light.glsl", "shadow.glsl")
+_SHARED: Final = ("light.glsl", "shadow.glsl", "fill.glsl")
 
 #: Binding point of the uniform block that every program shares.
 STAGE_BINDING: Final = 0

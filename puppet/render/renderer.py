@@ -50,10 +50,8 @@ class Renderer:
         shadows = FINE if self._canvas.fine else QUICK
         self._stage = Stage(ctx, shadows)
         self._programs = SkinPrograms(ctx, shadows.surface)
-        self._rod_programs = (
-            load_program(ctx, "rod", "rod", defines=shadows.surface),
-            load_program(ctx, "rod", "depth", defines={"INTO_SHADOW_MAP": 1}),
-        )
+        self._rod_shadow = load_program(ctx, "rod", "depth", defines={"INTO_SHADOW_MAP": 1})
+        self._rod_lit = {manner: manner.program(ctx, shadows.surface) for manner in Manner}
         # Bones end inside their joints, so they need no caps of their own.
         self._bones = self._batch(Manner.SOLID, 12, 0)
         self._joints = self._batch(Manner.SOLID, 12, 3)
@@ -67,7 +65,8 @@ class Renderer:
         self._empty_for: object = None
 
     def _batch(self, manner: Manner, sides: int, rings: int) -> RodBatch:
-        return RodBatch(self._ctx, *self._rod_programs, manner, sides=sides, rings=rings)
+        lit = self._rod_lit[manner]
+        return RodBatch(self._ctx, lit, self._rod_shadow, sides=sides, rings=rings)
 
     # -- what is on stage ------------------------------------------------------------------------
 
@@ -158,7 +157,7 @@ class Renderer:
             self.remove_puppet(name)
         for batch in (self._bones, self._joints, self._head, self._hollow, self._marks):
             batch.release()
-        for program in self._rod_programs:
+        for program in (self._rod_shadow, *self._rod_lit.values()):
             program.release()
         self._programs.release()
         self._halos.release()

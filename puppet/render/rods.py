@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from enum import IntEnum
 from typing import Final
 
@@ -10,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from puppet.kernel import Floats
+from puppet.render.program import load_program
 
 _ROD: Final = np.dtype([("start", "f4", 4), ("end", "f4", 4), ("color", "f4", 4)])
 Rods = NDArray[np.void]
@@ -18,11 +20,16 @@ _SLICES: Final = 3
 
 
 class Manner(IntEnum):
-    """How rods are drawn; the numbers are those of ``rod.frag``."""
+    """How rods are drawn."""
 
     SOLID = 0
     HOLLOW = 1
     MARK = 2
+
+    def program(self, ctx: moderngl.Context, shadow: Mapping[str, int]) -> moderngl.Program:
+        """A program that draws in this manner; `shadow` is what the shadow map is read with."""
+        manners = {manner.name: int(manner) for manner in Manner}
+        return load_program(ctx, "rod", "rod", defines={**manners, "MANNER": self, **shadow})
 
 
 def rods(starts: Floats, ends: Floats, radii: Floats, colors: Floats) -> Rods:
@@ -73,42 +80,40 @@ def unit_capsule(sides: int, rings: int) -> tuple[NDArray[np.float32], NDArray[n
 
 
 class RodBatch:
-    """The rods of one manner on the graphics card."""
+    """Rods of one shape and manner on the graphics card.
+
+    sides, rings: how round they are. lit and shadow are programs that others may use as well.
+    """
 
     def __init__(
         self,
         ctx: moderngl.Context,
         lit: moderngl.Program,
         shadow: moderngl.Program,
-        manner: Manner,
         *,
         sides: int,
         rings: int,
     ) -> None:
         vertices, triangles = unit_capsule(sides, rings)
-        self._manner = manner
-        self._program = lit
         self._shape = ctx.buffer(vertices.tobytes())
         self._index = ctx.buffer(triangles.tobytes())
         self._instances = ctx.buffer(reserve=64 * _ROD.itemsize, dynamic=True)
         self._count = 0
-        attributes = ("in_start", "in_end", "in_color")
-        self._lit = ctx.vertex_array(
-            lit,
-            [
-                (self._shape, "3f 1f", "in_normal", "in_along"),
-                (self._instances, "4f 4f 4f/i", *attributes),
-            ],
-            self._index,
+        self._lit = self._array(ctx, lit)
+        self._shadow = self._array(ctx, shadow)
+
+    def _array(self, ctx: moderngl.Context, program: moderngl.Program) -> moderngl.VertexArray:
+        colored = "in_color" in program
+        instances = (
+            ("4f 4f 4f/i", "in_start", "in_end", "in_color")
+            if colored
+            else ("4f 4f 16x/i", "in_start", "in_end")
         )
-        self._shadow = ctx.vertex_array(
-            shadow,
-            [
-                (self._shape, "3f 1f", "in_normal", "in_along"),
-                (self._instances, "4f 4f 16x/i", *attributes[:2]),
-            ],
-            self._index,
-        )
+        content = [
+            (self._shape, "3f 1f", "in_normal", "in_along"),
+            (self._instances, *instances),
+        ]
+        return ctx.vertex_array(program, content, self._index)
 
     def take(self, made: Rods) -> None:
         """Hold these rods, and no others."""
@@ -120,7 +125,6 @@ class RodBatch:
     def draw(self) -> None:
         """Draw them lit."""
         if self._count:
-            self._program["manner"] = int(self._manner)
             self._lit.render(instances=self._count)
 
     def draw_shadow(self) -> None:

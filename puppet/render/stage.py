@@ -58,8 +58,10 @@ _GLOWS: Final = 2
 _GLOW_REACH: Final = 2.2
 _GLOW_LIGHT: Final = 0.16
 #: The side of a cell of the floor, metres; at most so many cells in a row.
-_CELL: Final = 0.15
+_CELL: Final = 0.1
 _CELLS: Final = 96
+#: Metres around the shadow of a box that its soft edge may need.
+_SOFT: Final = 0.04
 
 _KEY: Final = np.array([-0.42, 0.86, 0.56]) / np.linalg.norm([-0.42, 0.86, 0.56])
 
@@ -214,8 +216,8 @@ def _shaded_cells(boxes: Floats) -> NDArray[np.float32]:
     heights = np.maximum(boxes[:, [0, 1, 0, 1], 1], 0.0)
     # What x and z get from their own end and y from either: four corners bound the shadow.
     fallen = corners - heights[:, :, None] * (_KEY[[0, 2]] / _KEY[1])
-    low = np.clip(fallen.min(axis=1) - _SHADOW_MARGIN, -_FLOOR, _FLOOR)
-    high = np.clip(fallen.max(axis=1) + _SHADOW_MARGIN, -_FLOOR, _FLOOR)
+    low = np.clip(fallen.min(axis=1) - _SOFT, -_FLOOR, _FLOOR)
+    high = np.clip(fallen.max(axis=1) + _SOFT, -_FLOOR, _FLOOR)
     if len(boxes) == 0:
         return np.empty((0, 2), np.float32)
     start = low.min(axis=0)

@@ -4,12 +4,13 @@
 #include "shadow.glsl"
 
 in vec2 place;
+in vec3 shadow;
 
 out vec4 color;
 
 void main() {
     vec2 off = place - pool.xy;
     float fade = clamp(1.0 - dot(off, off) * pool.z, 0.0, 1.0);
-    float dark = 1.0 - key_light(vec3(place.x, 0.0, place.y), vec3(0.0, 1.0, 0.0));
+    float dark = 1.0 - key_light(shadow);
     color = vec4(0.035, 0.03, 0.035, 0.66 * dark * min(2.0 * fade, 1.0));
 }
