@@ -68,36 +68,61 @@ def _boxes(model: Model, rest_frames: Floats) -> tuple[NDArray[np.intp], Floats,
 
     A bone that moves no skin has a box without size at its origin.
     """
-    origins = model.armature.rest[0]
-    count = len(origins)
-    bones, points = [np.arange(count)], [np.zeros((count, 3))]
-    for mesh in model.meshes:
-        vertex, column = np.nonzero(mesh.weights >= _TAKES_PART)
-        holding = mesh.bones[vertex, column].astype(np.intp)
-        away = (mesh.positions[vertex] - origins[holding])[:, None, :]
-        bones.append(holding)
-        points.append((away @ rest_frames[holding])[:, 0, :])
-    bone, point = np.concatenate(bones), np.concatenate(points)
-    bare = np.bincount(bone, minlength=count) == 1
-    # The origins were only there for bare bones: skin may well be elsewhere.
-    keep = (np.arange(len(bone)) >= count) | bare[bone]
-    bone, point = bone[keep], point[keep]
+    count = len(model.armature)
+    bone, low, high = _triangle_boxes(model, rest_frames)
+    bare = np.setdiff1d(np.arange(count), bone)
+    bone = np.concatenate([bone, bare])
+    nothing = np.zeros((len(bare), 3))
+    low, high = np.concatenate([low, nothing]), np.concatenate([high, nothing])
 
-    low, high = _extremes(bone, point, count)
-    longest = (high - low).argmax(axis=1)
+    all_low, all_high = _extremes(bone, low, high, count)
+    axis = (all_high - all_low).argmax(axis=1)[bone]
     rows = np.arange(len(bone))
-    along = point[rows, longest[bone]] - low[bone, longest[bone]]
-    length = np.maximum((high - low)[bone, longest[bone]], 1e-9)
-    part = bone * _SLICES + np.minimum(along / length * _SLICES, _SLICES - 1).astype(np.intp)
-    low, high = _extremes(part, point, count * _SLICES)
-    used = np.unique(part)
+    start = all_low[bone, axis]
+    step = np.maximum(all_high[bone, axis] - start, 1e-9) / _SLICES
+    part, lows, highs = [], [], []
+    for slice_ in range(_SLICES):
+        # A triangle is in every slice that it reaches into, with what it has there.
+        near, far = start + slice_ * step, start + (slice_ + 1) * step
+        there = (low[rows, axis] <= far) & (high[rows, axis] >= near)
+        clipped_low, clipped_high = low.copy(), high.copy()
+        clipped_low[rows, axis] = np.maximum(low[rows, axis], near)
+        clipped_high[rows, axis] = np.minimum(high[rows, axis], far)
+        part.append(bone[there] * _SLICES + slice_)
+        lows.append(clipped_low[there])
+        highs.append(clipped_high[there])
+    parts = np.concatenate(part)
+    low, high = _extremes(parts, np.concatenate(lows), np.concatenate(highs), count * _SLICES)
+    used = np.unique(parts)
     low, high = low[used], high[used]
     return used // _SLICES, (low + high) / 2.0, (high - low) / 2.0
 
 
-def _extremes(group: NDArray[np.intp], points: Floats, count: int) -> tuple[Floats, Floats]:
-    """Lowest and highest coordinates of each group of points. -> (count, 3) twice"""
+def _triangle_boxes(model: Model, rest_frames: Floats) -> tuple[NDArray[np.intp], Floats, Floats]:
+    """Each triangle for each bone that moves it: the bone (N,), its box, low and high (N, 3)."""
+    origins = model.armature.rest[0]
+    bones, lows, highs = [np.empty(0, np.intp)], [np.empty((0, 3))], [np.empty((0, 3))]
+    for mesh in model.meshes:
+        corners = mesh.triangles
+        triangle, corner, column = np.nonzero(mesh.weights[corners] >= _TAKES_PART)
+        held = mesh.bones[corners[triangle, corner], column]
+        pairs = np.unique(triangle * len(origins) + held)
+        triangle, bone = pairs // len(origins), pairs % len(origins)
+        away = mesh.positions[corners[triangle]] - origins[bone][:, None, :]
+        own = away @ rest_frames[bone]
+        bones.append(bone)
+        lows.append(own.min(axis=1))
+        highs.append(own.max(axis=1))
+    return np.concatenate(bones), np.concatenate(lows), np.concatenate(highs)
+
+
+def _extremes(
+    group: NDArray[np.intp], lows: Floats, highs: Floats, count: int
+) -> tuple[Floats, Floats]:
+    """The box around each group of boxes. -> (count, 3) twice"""
     low, high = np.full((count, 3), np.inf), np.full((count, 3), -np.inf)
-    np.minimum.at(low, group, points)
-    np.maximum.at(high, group, points)
+    order = np.argsort(group, kind="stable")
+    present, first = np.unique(group[order], return_index=True)
+    low[present] = np.minimum.reduceat(lows[order], first)
+    high[present] = np.maximum.reduceat(highs[order], first)
     return low, high
