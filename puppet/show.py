@@ -23,11 +23,13 @@ class SourceConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     path: a take, a video file, ``webcam:0`` or ``rehearsal``.
     repeat: what a recording does at its end. speed: of a recording; 1 is as it was recorded.
+    max_rate: of a recording, at most so many frames a second are used; for slow machines.
     """
 
     path: str
     repeat: Literal["loop", "ping-pong", "once"] = "loop"
     speed: float = 1.0
+    max_rate: float | None = None
 
 
 class PuppetConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -148,6 +150,9 @@ def _check(show: Show, path: Path) -> None:
                 fail(f"puppets[{index}].{key}", "not a finite number", numbers)
     if not 0.0 < show.source.speed <= 100.0:
         fail("source.speed", "the speed must be above 0 and at most 100", show.source.speed)
+    rate = show.source.max_rate
+    if rate is not None and not 1.0 <= rate <= 1000.0:
+        fail("source.max_rate", "the rate must be from 1 to 1000 frames a second", rate)
     for key in show.conditioning.__struct_fields__:
         value = getattr(show.conditioning, key)
         if not (math.isfinite(value) and value >= 0.0):

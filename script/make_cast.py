@@ -12,7 +12,7 @@ import argparse
 import importlib
 from pathlib import Path
 
-NAMES = ("fish", "lamp", "dog", "seagull")
+NAMES = ("fish", "lamp", "dog", "seagull", "ostrich", "snake")
 
 
 def build(name: str) -> bytes:

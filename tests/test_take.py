@@ -15,7 +15,7 @@ from mcap.reader import make_reader
 from puppet.errors import BadFileError
 from puppet.skeleton import JOINT_NAMES, SkeletonFrame
 from puppet.tracking.source import SourceInfo
-from puppet.tracking.take import SCHEMA, read_take, write_take
+from puppet.tracking.take import SCHEMA, Take, read_take, write_take
 
 INFO = SourceInfo("a test", "test", 30.0, synthetic=True, floor=(0.0, 1.0, 0.0, 0.0), note="n")
 RECORDED = sorted((Path(__file__).parent / "recorded_streams").glob("*.mcap"))
@@ -76,6 +76,15 @@ def test_a_take_that_was_cut_off_still_gives_its_frames(tmp_path: Path, share: f
     assert take.info == INFO
     assert len(take) >= 300 * share - 60
     assert any("cut off" in warning for warning in take.warnings) or len(take) == 300
+
+
+@pytest.mark.parametrize(("rate", "count"), [(30.0, 30), (15.0, 15), (10.0, 10), (60.0, 30)])
+def test_a_thinned_take_keeps_its_time_and_spacing(rate: float, count: int) -> None:
+    take = Take(INFO, tuple(some_frames(31))).thinned(rate)
+    assert len(take) == count + 1
+    times = [frame.time for frame in take]
+    np.testing.assert_allclose(np.diff(times), 1.0 / min(rate, 30.0), atol=1e-9)
+    assert [frame.sequence for frame in take] == list(range(count + 1))
 
 
 @pytest.mark.parametrize(

@@ -57,7 +57,9 @@ def record_take(path: Path, source: str, seconds: float | None, overwrite: bool)
         ) as progress,
         TakeWriter(part, opened.info) as writer,
     ):
-        task = progress.add_task(f"recording {Path(source).name}", total=len(opened) or None, seen="")
+        task = progress.add_task(
+            f"recording {Path(source).name}", total=len(opened) or None, seen=""
+        )
         try:
             for frame in opened:
                 started = frame.time if started is None else started

@@ -52,12 +52,12 @@ def run_show(
     if source is not None or not show.source.path.startswith("webcam:"):
         _check_source(show, path, source)
     if not headless and not display_available():
-        _say("there is no display: running without a window")
         headless = True
+        _say("there is no display: running without a window")
+        if not any(outputs.values()):
+            outputs = {**outputs, "png": Path("puppet-view.png")}
+            _say("the newest picture is kept in puppet-view.png, once a second")
     view = ["--headless"] if headless else []
-    if headless and not any(outputs.values()):
-        outputs = {**outputs, "png": Path("puppet-view.png")}
-        _say("the newest picture is kept in puppet-view.png, once a second")
     for option, target in outputs.items():
         if target is not None:
             view += [f"--{option}", str(target)]
@@ -103,6 +103,7 @@ def track_show(path: Path, source: str | None, port: int | None) -> None:
         folder=None if source else path.parent,
         repeat=show.source.repeat,
         speed=show.source.speed,
+        max_rate=show.source.max_rate,
         warn=lambda warning: _say(f"puppet track: {warning}"),
     )
     with Bus.join(show.bus.endpoint, show.key) as bus:

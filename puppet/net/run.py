@@ -103,6 +103,7 @@ class Supervisor:
         self._bus: Bus | None = None
         self._first_drawn: float | None = None
         self._drawn_before = 0
+        self._stopped: float | None = None
 
     def run(
         self,
@@ -141,6 +142,7 @@ class Supervisor:
                 elif seconds is not None and now - self._first_drawn >= seconds:
                     break
         finally:
+            self._stopped = time.monotonic()
             self._stop_all()
         return code
 
@@ -150,7 +152,8 @@ class Supervisor:
         into = stage.counters if stage else {}
         drawn = view.counters.get("frames_drawn", 0) if view else 0
         gauges = view.gauges if view else {}
-        elapsed = time.monotonic() - self._first_drawn if self._first_drawn is not None else 0.0
+        end = self._stopped or time.monotonic()
+        elapsed = end - self._first_drawn if self._first_drawn is not None else 0.0
         return {
             "frames_in": into.get("frames_in", 0),
             "frames_posed": into.get("frames_posed", 0),

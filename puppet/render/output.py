@@ -23,6 +23,8 @@ Picture8 = NDArray[np.uint8]
 _ENCODERS: Final = (("libx264", {"crf": "18", "preset": "veryfast"}), ("mpeg4", {"qscale": "3"}))
 #: Ticks a second of an MP4: divides 24, 25, 30 and 60 Hz, and is fine enough for any other rate.
 _TICKS: Final = 90_000
+#: zlib level: a live picture must not cost the cores that draw the next one.
+PNG_LEVEL: Final = 1
 #: The shortest time that browsers grant to a picture of a GIF, in seconds.
 _GIF_STEP: Final = 0.02
 _GIF_PICTURES: Final = 900
@@ -83,7 +85,7 @@ class PngOutput:
         with _writing(path):
             # Whole or not at all, so that a reader never meets half a picture.
             draft = path.with_name(f".{path.name}.part")
-            Image.fromarray(image).save(draft, "PNG", compress_level=4)
+            Image.fromarray(image).save(draft, "PNG", compress_level=PNG_LEVEL)
             draft.replace(path)
         self._count += 1
 

@@ -20,11 +20,12 @@ def open_source(
     folder: Path | None = None,
     repeat: Repeat = "once",
     speed: float = 1.0,
+    max_rate: float | None = None,
     warn: Callable[[str], None] = lambda _text: None,
 ) -> Source:
     """Open a source. Relative paths start from `folder`.
 
-    repeat, speed: of takes and the rehearsal; a video is played once, as it was filmed.
+    repeat, speed, max_rate: of takes and the rehearsal; a video is played once, as it was filmed.
     warn: called with each thing that was wrong but could be lived with.
     Raises BadShowError for something that is not a source, BadFileError for a file that cannot be
     read, UnavailableError if a camera or the pose models are missing.
@@ -32,7 +33,8 @@ def open_source(
     if text == "rehearsal":
         from puppet.tracking.rehearsal import Rehearsal
 
-        return Replay.of(Rehearsal(), repeat=repeat, speed=speed)
+        rehearsal = Rehearsal(min(max_rate or 30.0, 30.0))
+        return Replay.of(rehearsal, repeat=repeat, speed=speed)
     kind, colon, rest = text.partition(":")
     if colon and kind == "webcam":
         if not rest.isdigit():
@@ -50,7 +52,9 @@ def open_source(
         take = read_take(path)
         for warning in take.warnings:
             warn(warning)
-        return Replay(take, repeat=repeat, speed=speed)
+        if max_rate is not None:
+            take = take.thinned(max_rate)
+        return Replay.of(take, repeat=repeat, speed=speed)
     from puppet.tracking.models import model_paths
     from puppet.tracking.video import VideoSource
 

@@ -10,7 +10,7 @@ import contextlib
 import json
 import struct
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from types import TracebackType
 from typing import Any, BinaryIO, Final, Self, cast
@@ -175,6 +175,17 @@ class Take:
 
     def close(self) -> None:
         """Nothing to let go of."""
+
+    def thinned(self, rate: float) -> Take:
+        """The take with at most `rate` frames a second, evenly picked."""
+        kept: list[SkeletonFrame] = []
+        for frame in self.frames:
+            # Half a frame of tolerance, so that 60 a second become 30 and not 20.
+            if not kept or frame.time - kept[-1].time >= 1.0 / rate - 0.5 / self.info.rate:
+                kept.append(replace(frame, sequence=len(kept)))
+        return replace(
+            self, frames=tuple(kept), info=replace(self.info, rate=min(rate, self.info.rate))
+        )
 
     @property
     def duration(self) -> float:

@@ -40,6 +40,11 @@ class Limb:
         other = tuple(map(other_side, self.bones))
         return replace(self, path=self.path * (-1.0, 1.0, 1.0), bones=other)
 
+    def jointed(self, *origins: ArrayLike) -> Limb:
+        """The limb with its joints where it is closest to these points (3,) along it."""
+        places = np.array([np.asarray(origin, float) for origin in origins])
+        return replace(self, joints=tuple(float(x) for x in self.nearest(places)[1]))
+
     def nearest(self, points: Floats) -> tuple[Floats, Floats, Floats]:
         """The nearest place of the limb. points: (P, 3)
 
@@ -92,7 +97,7 @@ def lump(centre: ArrayLike, half: ArrayLike, bone: str, *, melt: float = 0.04) -
 
 @dataclass(frozen=True, slots=True)
 class Blend:
-    """The smooth union of limbs. floor: flat feet; nothing reaches below y = 0."""
+    """The smooth union of limbs, in order. floor: flat soles; nothing reaches below y = 0."""
 
     limbs: tuple[Limb, ...]
     floor: bool = False

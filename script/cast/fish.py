@@ -40,14 +40,14 @@ def body_stations() -> Floats:
     """(U, 4) the body's profile, drawn smoothly: z, middle y, half height, half width."""
     mirror = np.array([1.0, 1.0, -1.0, -1.0])
     both = np.array([*BODY, *(np.array(row) * mirror for row in BODY[-2::-1])])
-    smooth = spline(both, 59)[:30]
+    smooth = spline(both, 47)[:24]
     smooth[-1, 2:] = 0.0
     return smooth
 
 
 def on_face(x: float, y: float, lift: float = 0.0) -> Floats:
     """The point on the front half of the body at (x, y), `lift` metres in front of the skin."""
-    front = body_stations()[16:]
+    front = body_stations()[12:]
     z, middle, high, wide = front.T
     inside = (x / np.maximum(wide, 1e-6)) ** 2 + ((y - middle) / np.maximum(high, 1e-6)) ** 2
     return np.array([x, y, np.interp(1.0, inside, z) + lift])
@@ -98,7 +98,7 @@ def _trunk(surface: Surface) -> Weights:
 def _body(puppet: PuppetFile) -> None:
     stations = body_stations()
     spine = np.stack([0 * stations[:, 0], stations[:, 1], stations[:, 0]], axis=1)
-    skin = tube(spine, stations[:, 3], stations[:, 2], sides=28, roundness=2.15)
+    skin = tube(spine, stations[:, 3], stations[:, 2], sides=24, roundness=2.15)
 
     def z_of(rest: Surface) -> Floats:
         return rest.positions[:, 2]
@@ -107,7 +107,7 @@ def _body(puppet: PuppetFile) -> None:
         """0 at the middle of the flank, 1 at the back and the belly."""
         return np.abs(rest.positions[:, 1] / 0.2) ** 2
 
-    bands = ((0.150, 0.036, -0.045), (-0.075, 0.030, 0.05), (-0.212, 0.015, 0.0))
+    bands = ((0.150, 0.036, -0.045), (-0.075, 0.030, 0.05), (-0.212, 0.021, 0.0))
     for middle, half, curve in bands:
         for paint, extra in ((WHITE, 0.0), (DARK, 0.009)):
             gap = np.abs(z_of(skin) - middle - curve * bow(skin)) - half - extra
@@ -130,7 +130,7 @@ def _face(puppet: PuppetFile) -> None:
             9,
         )
         thick = 0.0075 * np.sqrt(np.sin(np.linspace(0.0, np.pi, 9)))
-        puppet.add(tube(brow, thick, thick, sides=6), DARK, "head")
+        puppet.add(tube(brow, thick, thick, sides=5), DARK, "head")
 
     # An open smile: a crescent between two curves, laid on the skin, with a lip around it.
     x = np.linspace(-1.0, 1.0, 17)
@@ -147,9 +147,9 @@ def _face(puppet: PuppetFile) -> None:
     crest = np.sqrt(np.clip(1.0 - (x[tongue] / 0.52) ** 2, 0.0, 1.0))[:, None] * (0.0, 0.019, 0.0)
     puppet.add(grid(_laid(low * (1 - t) + (low + crest) * t, 0.0045)), TONGUE, "head")
     lip = np.concatenate([lower, upper[-2:0:-1]])
-    ring = spline(lip, 40, closed=True)
+    ring = spline(lip, 28, closed=True)
     ring = np.concatenate([ring, ring[:1]])
-    puppet.add(tube(ring, 0.0062, 0.0062, up=(0.0, 0.0, 1.0), sides=6), DARK, "head")
+    puppet.add(tube(ring, 0.0062, 0.0062, up=(0.0, 0.0, 1.0), sides=5), DARK, "head")
 
 
 def _laid(points: Floats, lift: float) -> Floats:
@@ -170,7 +170,7 @@ def _tail(puppet: PuppetFile) -> None:
             length[:, None] * np.stack([0 * v, np.sin(angle), -np.cos(angle)], axis=1)
         )
 
-    blade, distance = fan(root, reach, thickness=0.034, rays=7, rows=8, columns=33, ripple=0.012)
+    blade, distance = fan(root, reach, thickness=0.034, rays=7, rows=6, columns=25, ripple=0.012)
     rimmed(puppet, (blade, distance), "back")
 
 
@@ -194,7 +194,7 @@ def _dorsal(puppet: PuppetFile) -> None:
         return {"dorsal": free, **{b: w * (1 - free) for b, w in _trunk(surface).items()}}
 
     rimmed(
-        puppet, fan(root, reach, thickness=0.026, rays=6, rows=7, columns=25, ripple=0.006), weights
+        puppet, fan(root, reach, thickness=0.026, rays=6, rows=5, columns=19, ripple=0.006), weights
     )
 
 
@@ -211,7 +211,7 @@ def _anal(puppet: PuppetFile) -> None:
             length[:, None] * np.stack([0 * v, np.sin(angle), -np.cos(angle)], axis=1)
         )
 
-    fin = fan(root, reach, thickness=0.022, rays=4, rows=6, columns=17, ripple=0.005)
+    fin = fan(root, reach, thickness=0.022, rays=4, rows=4, columns=13, ripple=0.005)
     rimmed(puppet, fin, _trunk, width=0.013)
 
 
@@ -233,7 +233,7 @@ def _arms(puppet: PuppetFile) -> None:
         return np.asarray(length[:, None] * way)
 
     half = float(np.linalg.norm(tip - shoulder))
-    left = fan(root, reach, thickness=0.030, rays=5, rows=8, columns=25, ripple=0.007)
+    left = fan(root, reach, thickness=0.030, rays=5, rows=6, columns=19, ripple=0.007)
 
     def weights(side: str) -> Callable[[Surface], Weights]:
         def shares(surface: Surface) -> Weights:

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from cast.surface import Floats, Surface, grid, merged, smoothstep, tube, turned
 
 
-def rod(start: ArrayLike, end: ArrayLike, radius: float, *, sides: int = 12) -> Surface:
+def rod(start: ArrayLike, end: ArrayLike, radius: float, *, sides: int = 8) -> Surface:
     """A straight rod with softly rounded ends."""
     a, b = np.asarray(start, float), np.asarray(end, float)
     axis = (b - a) / np.linalg.norm(b - a)
@@ -49,7 +49,7 @@ def plate(outline: ArrayLike, thickness: float, *, bevel: float = 0.003) -> Surf
     return merged([grid(np.stack(pair), around=True) for pair in pairwise(rings)])
 
 
-def stadium(a: ArrayLike, b: ArrayLike, at_a: float, at_b: float, count: int = 9) -> Floats:
+def stadium(a: ArrayLike, b: ArrayLike, at_a: float, at_b: float, count: int = 7) -> Floats:
     """The outline around two circles, in the plane: radius `at_a` around `a`, and `at_b` around b.
 
     (2,), (2,) -> (2 * count, 2), anticlockwise.
@@ -68,7 +68,7 @@ def stadium(a: ArrayLike, b: ArrayLike, at_a: float, at_b: float, count: int = 9
 
 
 def spring(
-    start: ArrayLike, end: ArrayLike, radius: float, wire: float, turns: int, *, per_turn: int = 9
+    start: ArrayLike, end: ArrayLike, radius: float, wire: float, turns: int, *, per_turn: int = 7
 ) -> Surface:
     """A coil of wire from `start` to `end`, with its ends bent to the axis."""
     a, b = np.asarray(start, float), np.asarray(end, float)
@@ -83,4 +83,4 @@ def spring(
     coil = coil + swell[:, None] * (np.outer(np.cos(angle), x) + np.outer(np.sin(angle), z))
     thick = np.full(len(t), wire)
     thick[[0, -1]] = 0.0
-    return tube(coil, thick, thick, up=axis, sides=4)
+    return tube(coil, thick, thick, up=axis, sides=3)

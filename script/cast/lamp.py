@@ -57,7 +57,7 @@ def _xyz(point: Floats) -> tuple[float, float, float]:
 
 def _screw(centre: Floats, half: float, radius: float) -> tuple[Surface, Surface]:
     """A bolt through a joint, along z: the bolt, and a domed cap at each end."""
-    bolt = rod(centre - half * Z, centre + half * Z, 0.55 * radius, sides=10)
+    bolt = rod(centre - half * Z, centre + half * Z, 0.55 * radius, sides=8)
     caps = []
     for side in (-1.0, 1.0):
         dome = [(radius, 0.0), (radius, 0.006), (0.8 * radius, 0.0115)]
@@ -66,14 +66,14 @@ def _screw(centre: Floats, half: float, radius: float) -> tuple[Surface, Surface
                 [(0.0, 0.0), *dome, (0.0, 0.0135)],
                 origin=centre + side * half * Z,
                 axis=(0, 0, side),
-                sides=14,
+                sides=10,
             )
         )
     return bolt, merged(caps)
 
 
 def _base(puppet: PuppetFile) -> None:
-    felt = turned([(0.0, 0.0), (0.176, 0.0), (0.180, 0.004), (0.180, 0.010)], sides=36)
+    felt = turned([(0.0, 0.0), (0.176, 0.0), (0.180, 0.004), (0.180, 0.010)], sides=28)
     puppet.add(felt, RUBBER, "base")
     dome = spline(
         [
@@ -85,11 +85,11 @@ def _base(puppet: PuppetFile) -> None:
             (0.052, 0.072),
             (0.040, 0.092),
         ],
-        13,
+        9,
     )
     profile = [(0.0, 0.010), *((float(r), float(y)) for r, y in dome), (0.034, 0.096), (0.0, 0.097)]
-    puppet.add(turned(profile, sides=36), ENAMEL, "base")
-    puppet.add(turned(_ring(0.0425, 0.0065, 0.088), sides=20), BRASS, "base")
+    puppet.add(turned(profile, sides=28), ENAMEL, "base")
+    puppet.add(turned(_ring(0.0425, 0.0065, 0.088), sides=16), BRASS, "base")
     for z in (-0.030, 0.030):
         cheek = plate(stadium((0.0, 0.088), FOOT[:2], 0.030, 0.030), 0.009)
         puppet.add(cheek.moved((0.0, 0.0, z)), STEEL, "base")
@@ -101,7 +101,7 @@ def _base(puppet: PuppetFile) -> None:
         BRASS,
         "base",
     )
-    puppet.add(ball((0.0, 0.049, 0.1385), (0.021, 0.015, 0.021), rings=6, sides=14), BUTTON, "base")
+    puppet.add(ball((0.0, 0.049, 0.1385), (0.021, 0.015, 0.021), rings=5, sides=12), BUTTON, "base")
 
 
 def _tilt() -> tuple[float, float, float]:
@@ -111,7 +111,7 @@ def _tilt() -> tuple[float, float, float]:
 
 def _ring(radius: float, thick: float, height: float) -> list[tuple[float, float]]:
     """The profile of a ring of round stock."""
-    angle = np.linspace(-np.pi, np.pi, 8)
+    angle = np.linspace(-np.pi, np.pi, 6)
     return [(radius + thick * float(np.cos(a)), height + thick * float(np.sin(a))) for a in angle]
 
 
@@ -142,7 +142,7 @@ def _arm(
         hooks = [start + low * way, start + high * way]
         for z in (-0.021, 0.021):
             puppet.add(
-                spring(hooks[0] + z * Z, hooks[1] + z * Z, 0.018, 0.0044, 9, per_turn=7),
+                spring(hooks[0] + z * Z, hooks[1] + z * Z, 0.018, 0.0044, 8, per_turn=6),
                 STEEL,
                 bone,
             )
@@ -183,35 +183,35 @@ def _shade(puppet: PuppetFile) -> None:
             (0.118, 0.222),
             (0.166, 0.292),
         ],
-        15,
+        11,
     )
     bell_profile = [(0.0, 0.034), *((float(r), float(h)) for r, h in bell)]
-    outside = turned(bell_profile, origin=NECK, axis=SHINE, sides=32)
+    outside = turned(bell_profile, origin=NECK, axis=SHINE, sides=24)
     puppet.add(outside, ENAMEL, "shade")
-    inner = [(r - 0.006, h + 0.004) for r, h in bell_profile[5:]]
+    inner = [(r - 0.006, h + 0.004) for r, h in bell_profile[4:]]
     # From the mouth inwards, so that it faces the bulb.
-    inside = turned([*inner[::-1], (0.0, inner[0][1])], origin=NECK, axis=SHINE, sides=32)
+    inside = turned([*inner[::-1], (0.0, inner[0][1])], origin=NECK, axis=SHINE, sides=24)
     puppet.add(inside, CREAM, "shade")
-    rim = turned(_ring(0.1625, 0.006, 0.2945), origin=NECK, axis=SHINE, sides=32)
+    rim = turned(_ring(0.1625, 0.006, 0.2945), origin=NECK, axis=SHINE, sides=24)
     puppet.add(rim, BRASS, "shade")
     for height in (0.086, 0.110):
-        ring = turned(_ring(0.0640, 0.0042, height), origin=NECK, axis=SHINE, sides=20)
+        ring = turned(_ring(0.0640, 0.0042, height), origin=NECK, axis=SHINE, sides=16)
         puppet.add(ring, STEEL, "shade")
     puppet.add(
         turned(
             [(0.0, 0.15), (0.030, 0.15), (0.030, 0.205), (0.0, 0.205)],
             origin=NECK,
             axis=SHINE,
-            sides=18,
+            sides=14,
         ),
         BRASS,
         "shade",
     )
     glass = spline(
-        [(0.026, 0.195), (0.034, 0.222), (0.062, 0.268), (0.048, 0.318), (0.0, 0.336)], 9
+        [(0.026, 0.195), (0.034, 0.222), (0.062, 0.268), (0.048, 0.318), (0.0, 0.336)], 7
     )
     puppet.add(
-        turned([(float(r), float(h)) for r, h in glass], origin=NECK, axis=SHINE, sides=18),
+        turned([(float(r), float(h)) for r, h in glass], origin=NECK, axis=SHINE, sides=14),
         BULB,
         "shade",
     )

@@ -127,7 +127,7 @@ def _face(puppet: PuppetFile) -> None:
             ),
         )
     )
-    yellow = bill.skin(0.015)
+    yellow = bill.skin(0.017)
     yellow, red = yellow.cut(spot(yellow, (0.0, 0.456, 0.243), (0.040, 0.019, 0.020)))
     puppet.add(yellow, BEAK, "head")
     puppet.add(red, RED, "head")
@@ -145,29 +145,23 @@ def _wings(puppet: PuppetFile) -> None:
         [
             (0.060, 0.350, 0.065),
             (0.150, 0.425, 0.068),
-            WRIST + np.array([0.0, 0.012, 0.035]),
-            KNUCKLE + np.array([0.015, 0.018, 0.022]),
+            (0.255, 0.467, 0.055),
+            (0.430, 0.428, 0.002),
             (0.590, 0.300, -0.090),
         ],
         65,
     )
     # How far the feathers reach behind the leading edge, and where to, from shoulder to tip.
-    station = np.linspace(0.0, 1.0, 5)
     reach = spline(
-        np.column_stack(
-            [
-                station,
-                [
-                    (-0.005, -0.100, -0.150),
-                    (0.010, -0.150, -0.150),
-                    (0.030, -0.185, -0.130),
-                    (0.075, -0.170, -0.105),
-                    (0.070, -0.085, -0.065),
-                ],
-            ]
-        ),
+        [
+            (0.00, -0.005, -0.100, -0.150),
+            (0.25, 0.010, -0.150, -0.150),
+            (0.50, 0.030, -0.185, -0.130),
+            (0.75, 0.075, -0.170, -0.105),
+            (1.00, 0.070, -0.085, -0.065),
+        ],
         65,
-    )
+    )[:, 1:]
 
     def at(table: Floats, v: Floats) -> Floats:
         even = np.linspace(0.0, 1.0, len(table))
@@ -179,23 +173,25 @@ def _wings(puppet: PuppetFile) -> None:
         bones = ("chest", "wing.L", "wing_mid.L", "wing_tip.L")
         return along(out, bones, (0.085, WRIST[0], KNUCKLE[0]), 0.045)
 
-    # The flight feathers, and shorter ones that cover their quills from above.
-    for length, thickness, rays, rows in ((1.0, 0.017, 9, 6), (0.52, 0.026, 8, 4)):
+    def feathers(length: float, thickness: float, rays: int, rows: int, scallop: float) -> Surface:
         blade, _ = fan(
             lambda v: at(lead, v),
-            lambda v, length=length: length * at(reach[:, 1:], v),
+            lambda v: length * at(reach, v),
             thickness=thickness,
             rays=rays,
             rows=rows,
             columns=4 * rays + 1,
             ripple=0.002,
-            scallop=0.16 if length == 1.0 else 0.10,
+            scallop=scallop,
         )
-        blade = blade if length == 1.0 else blade.moved((0.0, 0.007, -0.006))
+        return blade
+
+    flight = feathers(1.0, 0.017, 9, 6, 0.16)
+    coverts = feathers(0.52, 0.026, 8, 4, 0.10).moved((0.0, 0.007, -0.006))
+    for blade in (flight, coverts):
         upper = np.arange(len(blade.positions)) < len(blade.positions) // 2
         for part, paint in zip(blade.cut(np.where(upper, 1.0, -1.0)), (GREY, PALE), strict=True):
-            tip = part.params[:, 1] - 0.70 + 0.05 * part.params[:, 0]
-            black, rest = part.cut(tip)
+            black, rest = part.cut(part.params[:, 1] - 0.70 + 0.05 * part.params[:, 0])
             white, rest = rest.cut(rest.params[:, 0] - 0.90)
             for piece, color in ((black, BLACK), (white, WHITE), (rest, paint)):
                 puppet.add_both(piece, color, weights)
@@ -242,5 +238,5 @@ def _feet(puppet: PuppetFile) -> None:
 
     web, _ = fan(root, reach, thickness=0.020, rays=3, rows=6, columns=22, scallop=0.20)
     web = web.moved((0.0, -float(web.positions[:, 1].min()), 0.0))
-    puppet.add_both(leg.skin(0.015), LEGS, leg.weights)
+    puppet.add_both(leg.skin(0.018), LEGS, leg.weights)
     puppet.add_both(web, LEGS, "paw.L")
