@@ -28,7 +28,7 @@ from puppet.skeleton import SkeletonFrame
 #: Seconds to wait for a scene before looking whether it is time to end.
 PATIENCE = 0.1
 #: Pictures between two looks at the percentiles, which cost more than counting.
-FIGURES_EVERY = 30
+FIGURES_EVERY = 15
 
 
 class Viewer:
@@ -50,6 +50,7 @@ class Viewer:
         self._decode_cast = Decoder(CastMessage)
         self._cast = -1
         self._latency = Latency()
+        self._figures: tuple[float | None, float | None] = (None, None)
         bus.be_present("view", str(time.monotonic_ns()))
 
     def next_scene(self, timeout: float) -> SceneMessage | None:
@@ -84,6 +85,8 @@ class Viewer:
         self.health.counters["frames_drawn"] += 1
         if self.health.counters["frames_drawn"] % FIGURES_EVERY == 0:
             self._give_figures()
+            # Figures that change with every picture cannot be read, and drawing them costs.
+            self._figures = (self._latency.fps or None, self._latency.recent)
 
     def close(self) -> None:
         """Give the last figures and let go."""
@@ -107,12 +110,8 @@ class Viewer:
             hip, heading = scene.performer.neutral_hip, scene.performer.neutral_heading
         status = None
         if self.overlay:
-            status = Status(
-                fps=self._latency.fps or None,
-                latency=self._latency.recent,
-                source=scene.source,
-                notes=_notes(scene, performer),
-            )
+            fps, latency = self._figures
+            status = Status(fps, latency, scene.source, _notes(scene, performer))
         return self.staging.picture(poses, performer, hip, heading, status)
 
     def _meet_cast(self) -> None:

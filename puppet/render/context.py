@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
+import os
+
 import moderngl
 
 from puppet.errors import UnavailableError
