@@ -111,6 +111,13 @@ def test_a_chain_without_a_trunk_goes_to_the_arms_tip_first_to_the_right() -> No
     }
 
 
+def test_a_creature_without_sides_is_played_with_the_hands(published: dict[str, Any]) -> None:
+    found = mapping(shaped(published["snake"]))
+    assert found["head"] == "hand.R"
+    assert found["tail"] == "hand.L"
+    assert not [human for human in found.values() if human.split(".")[0] in ("thigh", "shin")]
+
+
 def test_fingers_do_not_make_an_arm_a_trunk() -> None:
     parents = {"hips": "", "chest": "hips"}
     for side in "LR":

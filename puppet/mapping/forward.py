@@ -37,6 +37,7 @@ class HumanLimb:
     """
 
     side: str
+    is_arm: bool
     bones: tuple[int, ...]
     preferred: tuple[tuple[int, ...], ...]
     preference: float
@@ -57,7 +58,7 @@ def _human_limbs() -> tuple[HumanLimb, ...]:
                 names = ("thigh", "shin", "foot")
                 preferred = ((0,), (0, 1), (0, 1, 2))
             bones = tuple(index(f"{name}.{side}") for name in names)
-            limbs.append(HumanLimb(side, bones, preferred, preference + handed))
+            limbs.append(HumanLimb(side, kind == "arm", bones, preferred, preference + handed))
     return tuple(limbs)
 
 
@@ -79,7 +80,8 @@ def propose_forward(armature: Armature) -> Proposal:
     }
     free_spine = [human for human in SPINE if human not in {pair[0] for pair in chosen.values()}]
     limbs = list(shape.limbs)
-    if shape.trunk and free_spine:
+    # In a creature without sides a single bone is a joint between two chains and has no head.
+    if free_spine and (len(shape.trunk) > 1 or (shape.trunk and shape.has_sides)):
         head = _limb_that_continues(armature, shape, limbs, scores[:, free_spine[-1]])
         if head is not None:
             bone, human = head.bones[0], free_spine[-1]
@@ -87,7 +89,7 @@ def propose_forward(armature: Armature) -> Proposal:
             limbs.remove(head)
     if shape.has_sides:
         limbs = [limb for limb in limbs if limb.side]
-    chosen.update(_map_limbs(limbs, scores))
+    chosen.update(_map_limbs(limbs, scores, arms_first=not shape.has_sides))
     return Proposal(
         armature,
         "fk",
@@ -151,7 +153,9 @@ def _affinity(limb: Limb, human: HumanLimb, scores: Floats) -> float:
     return float(aligned.mean()) + human.preference
 
 
-def _map_limbs(limbs: Sequence[Limb], scores: Floats) -> dict[int, tuple[int, float]]:
+def _map_limbs(
+    limbs: Sequence[Limb], scores: Floats, *, arms_first: bool
+) -> dict[int, tuple[int, float]]:
     """For each mapped bone its human bone, and how well the two limbs run side by side (0..1)."""
     chosen: dict[int, tuple[int, float]] = {}
     free = list(HUMAN_LIMBS)
@@ -162,6 +166,8 @@ def _map_limbs(limbs: Sequence[Limb], scores: Floats) -> dict[int, tuple[int, fl
         )
         # A finite, prohibitive cost keeps the problem solvable when sides leave no partner.
         cost = np.where(np.isfinite(affinity), -affinity, 1e6)
+        if arms_first:  # without sides nothing says leg, and hands are easier to play with
+            cost -= [float(human.is_arm) for human in free]
         pairs = [
             (waiting[row], free[column], min(float(affinity[row, column]), 1.0))
             for row, column in zip(*linear_sum_assignment(cost), strict=True)
@@ -170,15 +176,21 @@ def _map_limbs(limbs: Sequence[Limb], scores: Floats) -> dict[int, tuple[int, fl
         if not pairs:
             break
         rest = []
-        for limb, human, score in pairs:
+        for _, human, _ in pairs:
             free.remove(human)
+        for limb, human, score in pairs:
             room = len(human.preferred)
-            # What does not fit stays with a sided limb's parents; a chain in the middle may go on.
-            tip, before = limb.bones[-room:], limb.bones[:-room]
-            places = human.preferred[len(tip) - 1]
-            for bone, place in zip(tip, places, strict=True):
+            # What is too long for one arm goes on in the other, if that is free and it may be on
+            # either side. Else its bones share the arm evenly, and those between follow.
+            goes_on = not limb.side and any(other.is_arm for other in free)
+            if goes_on and len(limb.bones) > room:
+                bones = limb.bones[-room:]
+                rest.append(Limb(limb.bones[:-room], limb.side))
+            else:
+                count = min(room, len(limb.bones))
+                picks = np.linspace(0, len(limb.bones) - 1, count).round().astype(int)
+                bones = tuple(limb.bones[pick] for pick in picks)
+            for bone, place in zip(bones, human.preferred[len(bones) - 1], strict=True):
                 chosen[bone] = (human.bones[place], score)
-            if before and not limb.side:
-                rest.append(Limb(before, limb.side))
         waiting = rest
     return chosen
