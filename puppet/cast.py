@@ -18,10 +18,12 @@ from puppet.show import PuppetConfig, Show
 
 @dataclass(frozen=True, slots=True, eq=False)
 class StagedPuppet:
-    """A puppet on stage: its file and model, what drives it, and where it stands."""
+    """A puppet on stage: its file, its model at `scale` times the file's size, what drives it
+    and where it stands."""
 
     name: str
     path: Path
+    scale: float
     model: Model
     proposal: Proposal
     placement: Placement
@@ -39,7 +41,9 @@ def load_cast(show: Show, show_path: Path) -> tuple[StagedPuppet, ...]:
 def _stage(config: PuppetConfig, folder: Path) -> StagedPuppet:
     path = (folder / config.armature).resolve()
     puppet = load_puppet(path)
-    proposal = propose_forward(puppet.model.armature)
+    scale = 1.0 if config.height is None else config.height / max(puppet.model.height, 1e-6)
+    model = puppet.model.scaled(scale)
+    proposal = propose_forward(model.armature)
     if not proposal.pairs:
         raise BadShowError(
             "no bone of this armature could be mapped",
@@ -54,4 +58,4 @@ def _stage(config: PuppetConfig, folder: Path) -> StagedPuppet:
         turn=config.turn,
         grounded=puppet.traits.grounded,
     )
-    return StagedPuppet(config.name, path, puppet.model, proposal, placement)
+    return StagedPuppet(config.name, path, scale, model, proposal, placement)

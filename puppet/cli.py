@@ -70,7 +70,10 @@ def run(
     mp4: Annotated[Path | None, typer.Option(help="Film the show.")] = None,
     gif: Annotated[Path | None, typer.Option(help="Film the show as a GIF.")] = None,
 ) -> None:
-    """Start a show: tracker, stage and viewer, until Ctrl-C or the window is closed."""
+    """Run a show: tracker, stage and viewer together.
+
+    It ends with Ctrl-C, or when its window is closed.
+    """
     from puppet.commands.live import run_show
 
     sys.exit(
@@ -127,7 +130,12 @@ def view(
 @app.command()
 def render(
     show: ShowFile,
-    output: Annotated[Path, typer.Argument(help="Where to: .png, .mp4 or .gif.")],
+    output: Annotated[
+        Path,
+        typer.Argument(
+            help="Where to: .mp4, .gif, .png (the last moment), or %04d.png for one file each."
+        ),
+    ],
     source: Annotated[
         str | None,
         typer.Option(help="Use this source instead of the show's."),

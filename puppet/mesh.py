@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from puppet.armature import Armature
+from puppet.kernel import frozen
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -51,3 +53,26 @@ class Model:
     armature: Armature
     meshes: tuple[Mesh, ...]
     warnings: tuple[str, ...] = ()
+
+    @property
+    def height(self) -> float:
+        """Metres from its lowest point at rest to its highest; of the bones if it has no skin."""
+        points: list[NDArray[Any]] = [
+            mesh.positions[:, 1] for mesh in self.meshes if len(mesh.positions)
+        ]
+        if not points:
+            points = [self.armature.rest[0][:, 1], self.armature.rest_tips[:, 1]]
+        return float(np.ptp(np.concatenate(points)))
+
+    def scaled(self, factor: float) -> Model:
+        """The same model, `factor` times as large about the armature's origin."""
+        armature = replace(
+            self.armature,
+            offsets=frozen(self.armature.offsets * factor),
+            tips=frozen(self.armature.tips * factor),
+        )
+        meshes = tuple(
+            replace(mesh, positions=(mesh.positions * factor).astype(np.float32))
+            for mesh in self.meshes
+        )
+        return replace(self, armature=armature, meshes=meshes)

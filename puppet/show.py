@@ -38,6 +38,7 @@ class PuppetConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     armature: its ``.glb``. mode: how it is driven. position, yaw: where it stands.
     follow: how far it goes along with the performer, either one number or (left, up, forward).
     turn: how much of the performer's turning on the spot it takes over.
+    height: how tall it is made, whatever the size of the model; None leaves it as modelled.
     """
 
     name: str
@@ -47,6 +48,7 @@ class PuppetConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     yaw: float = 0.0
     follow: float | Triple = 0.3
     turn: float = 1.0
+    height: float | None = None
 
 
 class ConditioningConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -110,7 +112,10 @@ def load_show(path: Path) -> Show:
         text = path.read_bytes()
     except OSError as error:
         raise BadShowError(
-            "the show cannot be opened", where=path, found=error.strerror or str(error)
+            "the show cannot be opened",
+            where=path,
+            found=error.strerror or str(error),
+            hint="configs/shows holds shows to start from",
         ) from None
     try:
         show = msgspec.toml.decode(text, type=Show)
@@ -145,9 +150,12 @@ def _check(show: Show, path: Path) -> None:
             ("yaw", (puppet.yaw,)),
             ("follow", follow),
             ("turn", (puppet.turn,)),
+            ("height", () if puppet.height is None else (puppet.height,)),
         ):
             if not all(map(math.isfinite, numbers)):
                 fail(f"puppets[{index}].{key}", "not a finite number", numbers)
+        if puppet.height is not None and not 0.01 <= puppet.height <= 100.0:
+            fail(f"puppets[{index}].height", "must be from 0.01 to 100 metres", puppet.height)
     if not 0.0 < show.source.speed <= 100.0:
         fail("source.speed", "the speed must be above 0 and at most 100", show.source.speed)
     rate = show.source.max_rate

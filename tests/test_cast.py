@@ -210,3 +210,13 @@ def test_a_raised_arm_lifts_the_shade_of_the_lamp() -> None:
     )
     shade = armature.index("shade")
     assert origins[shade, 1] > armature.rest[0][shade, 1] + 0.3
+
+
+@pytest.mark.parametrize("name", ["fish", "ostrich"])
+def test_a_puppet_can_be_made_as_tall_as_a_show_wants(name: str) -> None:
+    model = load_puppet(ARMATURES / f"{name}.glb").model
+    small = model.scaled(0.5 / model.height)
+    assert small.height == pytest.approx(0.5, abs=1e-3)
+    np.testing.assert_allclose(
+        small.armature.rest_tips * (model.height / 0.5), model.armature.rest_tips, atol=1e-5
+    )

@@ -134,6 +134,10 @@ def test_render_draws_films_and_sheets_that_open_again(tmp_path: Path) -> None:
             ("render", REPOSITORY / "configs/shows/rehearsal.toml", "x.png", "--at", "soon"),
             "not moments",
         ),
+        (
+            ("render", REPOSITORY / "configs/shows/demo.toml", "x.png", "--at", "1,99"),
+            "does not go on for so long",
+        ),
     ],
 )
 def test_what_cannot_work_is_told_without_a_traceback(

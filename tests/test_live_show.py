@@ -143,7 +143,7 @@ def test_a_tracker_is_picked_up_killed_and_replaced_while_the_show_runs(
     port, scenes = stage
     arguments = ("track", str(SHOW), "--port", str(port))
     first = puppet(*arguments)
-    scenes.until(lambda s: s.source == "cam01.mp4" and s.frame_sent_ns > 0)
+    scenes.until(lambda s: s.source == "balance_cam01.mcap" and s.frame_sent_ns > 0)
     first.kill()
     first.communicate()
     # The stage goes on by itself, and what was lost eases away.

@@ -39,6 +39,7 @@ def test_a_show_has_a_key_for_the_bus(tmp_path: Path) -> None:
         (GOOD + "yaw = 'left'\n", "puppets[0].yaw", "expected `float`, got `str`"),
         (GOOD + "colour = 'red'\n", "puppets[0]", "unknown field `colour`"),
         (GOOD.replace("fish.glb", "x").replace('armature = "x"', ""), "puppets[0]", "armature"),
+        (GOOD + "height = 0\n", "puppets[0].height", "0.01 to 100"),
         (GOOD + "mode = 'xk'\n", "puppets[0].mode", "invalid enum value 'xk'"),
         (GOOD + "position = [1, 2]\n", "puppets[0].position", "length 3"),
         (GOOD + "position = [1, nan, 2]\n", "puppets[0].position", "finite"),

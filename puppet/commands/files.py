@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import sys
 from pathlib import Path
@@ -129,7 +130,8 @@ def map_armature(path: Path, mode: str, as_json: bool) -> None:
         return
     for warning in model.warnings:
         _err.print(f"{path.name}: {warning}", style="yellow", markup=False, highlight=False)
-    table = Table(title=f"{model.armature.name}: forward kinematics", title_justify="left")
+    Console().print(f"{model.armature.name}: forward kinematics", style="bold")
+    table = Table()
     table.add_column("bone")
     table.add_column("turns with")
     table.add_column("score", justify="right")
@@ -145,8 +147,12 @@ def map_armature(path: Path, mode: str, as_json: bool) -> None:
 
 def get_models(cache: Path | None, wheel: Path | None) -> None:
     """Fetch the pose models, if they are not there; from a wheel, if one is given."""
-    from puppet.tracking.models import fetch_models
+    from puppet.tracking.models import fetch_models, model_paths
 
+    with contextlib.suppress(PuppetError):
+        found = model_paths(cache)
+        _err.print(f"the pose models are in {found.detector.parent}", highlight=False)
+        return
     with Progress(
         TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn(), console=_err
     ) as progress:
@@ -156,4 +162,4 @@ def get_models(cache: Path | None, wheel: Path | None) -> None:
             cache,
             wheel=wheel,
         )
-    _err.print(f"{found.detector.parent}", highlight=False)
+    _err.print(f"the pose models are in {found.detector.parent}", highlight=False)

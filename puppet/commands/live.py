@@ -73,13 +73,15 @@ def run_show(
         _say,
     )
     stop = stop_event()
+    _say(f"starting {show.name} (the first time takes a while)")
     console = Console(stderr=True)
     if console.is_terminal:
         with console.status("starting …") as status:
             code = supervisor.run(stop, seconds, lambda: status.update(supervisor.status_line()))
     else:
         code = supervisor.run(stop, seconds, None)
-    _say(supervisor.status_line())
+    if supervisor.has_drawn:
+        _say(supervisor.status_line())
     if report is not None:
         write_report(supervisor.report(), report)
         _say(f"the report is in {report}")
@@ -157,7 +159,10 @@ def view_show(
         if sink.failure is not None:
             raise sink.failure
         if sink.left_out:
-            _say(f"puppet view: {sink.left_out} pictures came too fast to be kept in {target}")
+            _say(
+                f"puppet view: {sink.left_out} pictures came too fast to be kept in "
+                f"{target}; `puppet render` draws every one, without hurry"
+            )
 
 
 def _keep_picture(viewer: Viewer) -> None:

@@ -110,6 +110,8 @@ def render_show(
     moments = list(_moments(ticks, fps))
     if not moments:
         raise BadShowError("the source has nothing in this stretch of time", where=str(path))
+    if output.suffix.lower() == ".png" and "%" not in output.name:
+        moments = moments[-1:]  # one file holds one picture: the last
     for tick in _progress(moments, "drawing"):
         film.write(studio.picture(tick), tick.frame.time)
     film.close()
@@ -163,6 +165,14 @@ def _sheet(
     if not moments:
         raise BadShowError("the source has nothing in this stretch of time", where=str(output))
     elapsed = np.array([moment[0] for moment in moments])
+    late = [time for time in times if time > elapsed[-1] + 0.5]
+    if late:
+        raise BadShowError(
+            "the source does not go on for so long",
+            where="--at",
+            expected=f"moments from {elapsed[0]:.1f} to {elapsed[-1]:.1f} s",
+            found=", ".join(f"{time:g}" for time in late),
+        )
     wanted = np.array(times) if times else np.linspace(elapsed[0], elapsed[-1], count)
     chosen = [moments[int(np.abs(elapsed - time).argmin())] for time in wanted]
     images = [studio.picture(tick) for _, tick in _progress(chosen, "drawing")]

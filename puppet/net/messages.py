@@ -146,10 +146,12 @@ class PerformerNow(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class CastMember(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """A puppet on stage: where its model lies, and which human bone turns which of its bones."""
+    """A puppet on stage: where its model lies, how many times as large it is made, and which human
+    bone turns which of its bones."""
 
     name: str
     armature: str
+    scale: float
     pairs: tuple[tuple[int, int], ...]
 
 

@@ -146,6 +146,11 @@ class Supervisor:
             self._stop_all()
         return code
 
+    @property
+    def has_drawn(self) -> bool:
+        """Whether there was a picture yet."""
+        return self._first_drawn is not None
+
     def report(self) -> dict[str, Any]:
         """What happened, in the form that ``--report`` writes."""
         stage, view = self._health.get("stage"), self._health.get("view")
@@ -214,6 +219,7 @@ class Supervisor:
         ):
             self._drawn_before = health.counters["frames_drawn"]
             self._first_drawn = time.monotonic()
+            self._say("the show is on")
 
     def _states(self) -> str:
         known = (f"{role} {self._health[role].state}" for role in sorted(self._health))
@@ -246,8 +252,9 @@ class Supervisor:
         return None
 
     def _stop_all(self) -> None:
-        # The stage last: it is the hub over which the others give their final figures.
-        for role in ("track", "view", "stage"):
+        # The viewer first, or its last picture would show a stage that the tracker has left; the
+        # stage last: it is the hub over which the others give their final figures.
+        for role in ("view", "track", "stage"):
             if role == "stage":
                 time.sleep(0.1)
             self.children[role].stop()

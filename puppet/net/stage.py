@@ -94,6 +94,7 @@ class Stage:
                 CastMember(
                     puppet.name,
                     str(puppet.path),
+                    puppet.scale,
                     tuple((pair.bone, pair.human) for pair in puppet.proposal.pairs),
                 )
                 for puppet in line.puppets

@@ -111,7 +111,7 @@ class Viewer:
         status = None
         if self.overlay:
             fps, latency = self._figures
-            status = Status(fps, latency, scene.source, _notes(scene, performer))
+            status = Status(fps, latency, scene.source, _notes(scene))
         return self.staging.picture(poses, performer, hip, heading, status)
 
     def _meet_cast(self) -> None:
@@ -124,7 +124,7 @@ class Viewer:
             self.renderer.remove_puppet(name)
         extents = []
         for member in cast.members:
-            model = load_puppet(Path(member.armature)).model
+            model = load_puppet(Path(member.armature)).model.scaled(member.scale)
             self.renderer.add_puppet(PuppetOnStage(member.name, model, dict(member.pairs)))
             rest = rest_pose(model.armature)
             place = self._places.get(member.name, rest.translation)
@@ -135,13 +135,10 @@ class Viewer:
         self._cast = cast.revision
 
 
-def _notes(scene: SceneMessage, performer: SkeletonFrame | None) -> tuple[str, ...]:
+def _notes(scene: SceneMessage) -> tuple[str, ...]:
     if not scene.source:
         return ("waiting for a tracker",)
-    notes = ["synthetic"] if scene.synthetic else []
-    if performer is None or not performer.present:
-        notes.append("nobody on stage")
-    return tuple(notes)
+    return ("synthetic",) if scene.synthetic else ()
 
 
 def run_headless(

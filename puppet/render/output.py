@@ -252,8 +252,12 @@ def _numbered(path: Path, count: int) -> Path:
 
 def _try_out(path: Path) -> None:
     """Find out now, and not after an hour of drawing, that nothing can be written."""
-    with _writing(path), path.open("ab"):
-        pass
+    new = not path.exists()
+    with _writing(path):
+        with path.open("ab"):
+            pass
+        if new:
+            path.unlink()  # an empty file would look like a broken picture
 
 
 @contextmanager

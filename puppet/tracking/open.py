@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 from puppet.errors import BadShowError
@@ -47,9 +48,16 @@ def open_source(
         return VideoSource(int(rest), models=model_paths())
     path = Path(text) if folder is None else folder / text
     if not path.exists():
-        raise BadShowError("there is no such source", where=path, expected=FORMS, found=text)
+        raise BadShowError(
+            "there is no such source",
+            where=path.resolve(),
+            expected=FORMS,
+            found=f"{text!r}, and no such file",
+            hint=None if folder is None else "paths in a show start from the show's own file",
+        )
     if path.suffix.lower() == ".mcap":
         take = read_take(path)
+        take = replace(take, info=replace(take.info, name=path.name))
         for warning in take.warnings:
             warn(warning)
         if max_rate is not None:
