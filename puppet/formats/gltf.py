@@ -19,6 +19,7 @@ from puppet.errors import BadFileError
 from puppet.formats.gltf_file import GltfFile
 from puppet.formats.gltf_material import Surface, read_surface
 from puppet.formats.gltf_skin import Binding, bind_skin, joined, read_primitive
+from puppet.formats.idle_bones import without_idle_bones
 from puppet.kernel import Floats
 from puppet.mesh import Mesh, Model
 
@@ -29,13 +30,15 @@ _MOST_BONES: Final = 65_535  # what 16-bit joint indices can tell apart
 def load_model(path: Path) -> Model:
     """The armature of a glTF file with its skin at rest, and what had to be repaired.
 
+    Bones that move no part of the skin are left out.
+
     Raises BadFileError if the file is missing, empty, cut off, foreign or without a skin, or if it
     refers to anything outside its folder.
     """
     path = Path(path)
     file = GltfFile(path)
     try:
-        return _load(file)
+        return without_idle_bones(_load(file))
     except (AttributeError, ArithmeticError, IndexError, KeyError, TypeError, ValueError) as error:
         # The document is any JSON that somebody wrote: a list where a number should be surfaces
         # as one of these, wherever it is first used.
