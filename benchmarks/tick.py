@@ -30,7 +30,8 @@ def measure(frames: int) -> dict[str, Any]:
     """Run `frames` ticks. -> seconds per tick, and a sample of the poses for comparison."""
     from puppet.cast import load_cast
     from puppet.line import Line
-    from puppet.net.messages import Decoder, PuppetPose, SkeletonMessage, encode
+    from puppet.net.messages import Decoder, SkeletonMessage, encode
+    from puppet.net.stage import scene_of
     from puppet.pose import forward_kinematics
     from puppet.show import load_show
     from puppet.tracking.rehearsal import Rehearsal
@@ -55,8 +56,8 @@ def measure(frames: int) -> dict[str, Any]:
         tick = line.step(decode(data).frame())
         for name, pose in tick.poses.items():
             positions, _ = forward_kinematics(armatures[name], pose)
-            PuppetPose.of(name, pose)
-        samples.append(positions[-1])
+            samples.append(positions[-1])
+        encode(scene_of(tick, sequence=0, frame_sent_ns=0, cast=0, source="b", synthetic=True))
     seconds = (time.perf_counter() - started) / frames
     return {"seconds": seconds, "poses": np.array(samples).tolist()}
 

@@ -90,10 +90,6 @@ class Line:
         poses = {name: drive(unseen).base for name, drive in self._drives.items()}
         return Tick(unseen, None, False, poses)
 
-    def recalibrate(self) -> None:
-        """Find the neutral stance anew."""
-        self._neutral.reset()
-
     def warm_up(self) -> None:
         """Compile every kernel of the line before the show, with a line that is thrown away."""
         stand_in = Line(self.puppets)

@@ -15,7 +15,7 @@ from puppet.pose import forward_kinematics, rest_pose
 from puppet.show import load_show
 from puppet.skeleton import SkeletonFrame
 from puppet.tracking.rehearsal import SECTIONS, Rehearsal
-from puppet.tracking.replay import Replay
+from puppet.tracking.replay import Replay, paced
 from puppet.tracking.take import read_take
 
 REPOSITORY = Path(__file__).resolve().parents[1]
@@ -158,8 +158,9 @@ def test_a_take_gives_the_same_poses_bit_for_bit_at_any_speed(
             for frame in frames
         ]
 
-    played = Replay.of(take, speed=speed)
+    dues, played = zip(*paced(Replay.of(take, speed=speed)), strict=True)
     assert poses(list(played)) == poses(list(take))
+    assert dues[-1] == pytest.approx(take.duration / speed)
 
 
 def test_before_anybody_was_seen_all_is_at_rest(cast: tuple[StagedPuppet, ...]) -> None:

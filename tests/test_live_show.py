@@ -22,7 +22,13 @@ from puppet.cast import load_cast
 from puppet.errors import UnavailableError
 from puppet.line import Line
 from puppet.net.bus import Bus
-from puppet.net.messages import Decoder, SceneMessage, SkeletonMessage, encode
+from puppet.net.messages import (
+    Decoder,
+    HealthMessage,
+    SceneMessage,
+    SkeletonMessage,
+    encode,
+)
 from puppet.show import load_show
 from puppet.skeleton import SkeletonFrame
 from puppet.tracking.rehearsal import Rehearsal
@@ -257,3 +263,51 @@ def test_ctrl_c_ends_everything(tmp_path: Path, free_port: int) -> None:
         check=False,
     )
     assert left.stdout == ""
+
+
+def test_a_recording_does_not_begin_before_there_is_a_stage(tmp_path: Path, free_port: int) -> None:
+    """A take that is played once, and is over in a second, is seen from its first frame on."""
+    text = SHOW.read_text().replace('"ping-pong"', '"once"')
+    text = text.replace("../armatures", str(REPOSITORY / "configs/armatures"))
+    text = text.replace("../../tests", str(REPOSITORY / "tests"))
+    show = tmp_path / "once.toml"
+    show.write_text(text)
+    with running("track", str(show), "--port", str(free_port)):
+        time.sleep(2.5)  # the tracker is up long before the stage
+        with running("stage", str(show), "--port", str(free_port)):
+            scenes = Scenes(free_port, load_show(show).key)
+            first = scenes.until(lambda s: s.frame_sent_ns > 0)
+            assert first.time < 0.5
+            scenes.bus.close()
+
+
+@pytest.mark.parametrize("role", ["track", "stage", "view"])
+def test_whatever_is_killed_in_a_show_comes_back(tmp_path: Path, free_port: int, role: str) -> None:
+    process = puppet("run", str(SHOW), "--headless", "--port", str(free_port), cwd=tmp_path)
+    scenes = Scenes(free_port, load_show(SHOW).key)
+    drawn: list[HealthMessage] = []
+    decode = Decoder(HealthMessage)
+    scenes.bus.listen("health/view", lambda data: drawn.append(decode(data)))
+    try:
+        scenes.until(lambda s: s.frame_sent_ns > 0 and bool(drawn))
+        found = subprocess.run(
+            ["pgrep", "-f", f"puppet {role} .*--port {free_port}"],
+            capture_output=True,
+            text=True,
+            check=True,
+        )
+        os.kill(int(found.stdout.split()[0]), signal.SIGKILL)
+        time.sleep(1.0)
+        drawn.clear()
+        scenes.until(
+            lambda s: (
+                s.frame_sent_ns > 0
+                and bool(drawn)
+                and drawn[-1].counters.get("frames_drawn", 0) > 5
+            )
+        )
+        assert process.poll() is None
+    finally:
+        scenes.bus.close()
+        process.send_signal(signal.SIGINT)
+        process.communicate(timeout=40)

@@ -24,6 +24,10 @@ from puppet.errors import BadShowError, PuppetError
 _err = Console(stderr=True, soft_wrap=True)
 
 
+def _warn(text: str) -> None:
+    _err.print(text, style="yellow", markup=False, highlight=False)
+
+
 def _fresh(path: Path, overwrite: bool) -> None:
     """Raises BadShowError if writing `path` would lose something, or cannot work."""
     if path.exists() and not overwrite:
@@ -41,7 +45,7 @@ def record_take(path: Path, source: str, seconds: float | None, overwrite: bool)
 
     _fresh(path, overwrite)
     stop = stop_event()
-    opened = open_source(source)
+    opened = open_source(source, warn=_warn)
     # What was there before stays until the new take is complete.
     part = path.with_name(path.name + ".part")
     written = present = 0
@@ -81,8 +85,8 @@ def record_take(path: Path, source: str, seconds: float | None, overwrite: bool)
         f"{path.stat().st_size / 1000:.0f} kB",
         highlight=False,
     )
-    for warning in getattr(opened, "warnings", ()):
-        _err.print(f"{source}: {warning}", style="yellow", markup=False, highlight=False)
+    for warning in getattr(opened, "warnings", ()):  # a video knows only when it is over
+        _warn(warning)
     if present == 0:
         _err.print("nobody was seen: is the whole person in the picture?", style="yellow")
 
@@ -104,7 +108,9 @@ def import_files(files: list[Path], output: Path | None, overwrite: bool) -> int
         try:
             _fresh(target, overwrite)
             imported = import_recording(file)
-            write_take(target, imported.info, imported.frames)
+            part = target.with_name(target.name + ".part")
+            write_take(part, imported.info, imported.frames)
+            part.replace(target)
         except PuppetError as error:
             failed += 1
             _err.print(f"puppet: {error}", markup=False, highlight=False)

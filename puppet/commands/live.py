@@ -110,6 +110,11 @@ def track_show(path: Path, source: str | None, port: int | None) -> None:
     )
     with Bus.join(show.bus.endpoint, show.key) as bus:
         run_track(opened, bus, stop)
+    for warning in getattr(opened, "warnings", ()):  # a video knows only when it is over
+        _say(f"puppet track: {warning}")
+    if opened.info.live and not stop.is_set():
+        _say(f"puppet track: {opened.info.name} gives no more pictures")
+        sys.exit(3)  # not the end of a recording: to be started again
 
 
 def stage_show(path: Path, port: int | None) -> None:

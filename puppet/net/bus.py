@@ -29,12 +29,10 @@ class Latest:
     def __init__(self) -> None:
         self._arrived = threading.Condition()
         self._data: bytes | None = None
-        self._overwritten = 0
 
     def put(self, data: bytes) -> None:
         """Replace what is in the box."""
         with self._arrived:
-            self._overwritten += self._data is not None
             self._data = data
             self._arrived.notify()
 
@@ -45,11 +43,6 @@ class Latest:
                 self._arrived.wait(timeout)
             data, self._data = self._data, None
             return data
-
-    @property
-    def dropped(self) -> int:
-        """How many messages were replaced before anybody took them."""
-        return self._overwritten
 
 
 class Bus:

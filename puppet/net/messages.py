@@ -13,6 +13,7 @@ from typing import Any, Final, Generic, TypeVar
 
 import msgspec
 import numpy as np
+from numpy.typing import NDArray
 
 from puppet.errors import BadMessageError
 from puppet.kernel import Floats
@@ -66,15 +67,8 @@ class SkeletonMessage(Message, tag="skeleton", frozen=True, kw_only=True):
     def frame(self) -> SkeletonFrame:
         """Raises BadMessageError for the wrong number of joints, or values that are not finite."""
         positions = _floats(self.positions, (JOINT_COUNT, 3), "positions")
-        states = np.frombuffer(self.states, np.uint8)
-        if states.shape != (JOINT_COUNT,) or states.max(initial=0) > 2:
-            raise BadMessageError(
-                "a skeleton's states are not possible",
-                where="message skeleton: states",
-                expected=f"{JOINT_COUNT} bytes of 0, 1 or 2",
-                found=f"{len(self.states)} bytes, the greatest {states.max(initial=0)}",
-            )
-        return SkeletonFrame(self.time, self.sequence, self.performer, positions, states.copy())
+        states = _states(self.states)
+        return SkeletonFrame(self.time, self.sequence, self.performer, positions, states)
 
 
 class PuppetPose(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -140,7 +134,7 @@ class PerformerNow(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
             sequence,
             self.performer,
             _floats(self.positions, (JOINT_COUNT, 3), "positions"),
-            np.frombuffer(self.states, np.uint8).copy(),
+            _states(self.states),
             _floats(self.influence, (JOINT_COUNT,), "influence"),
         )
 
@@ -225,6 +219,18 @@ def _other_version(kind: type[Message], found: object) -> BadMessageError:
         found=str(found),
         hint="run the same version of puppet everywhere",
     )
+
+
+def _states(data: bytes) -> NDArray[np.uint8]:
+    states = np.frombuffer(data, np.uint8)
+    if states.shape != (JOINT_COUNT,) or states.max(initial=0) > 2:
+        raise BadMessageError(
+            "a skeleton's states are not possible",
+            where="message: states",
+            expected=f"{JOINT_COUNT} bytes of 0, 1 or 2",
+            found=f"{len(data)} bytes, the greatest {states.max(initial=0)}",
+        )
+    return states.copy()
 
 
 def _floats(data: bytes, shape: tuple[int, ...], what: str) -> Floats:

@@ -9,6 +9,7 @@ import subprocess
 import sys
 import threading
 import time
+from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -99,6 +100,7 @@ class Supervisor:
             for role in ("stage", "track", "view")
         }
         self._health: dict[str, HealthMessage] = {}
+        self._past: dict[str, Counter[str]] = {}
         self._decode = Decoder(HealthMessage)
         self._bus: Bus | None = None
         self._first_drawn: float | None = None
@@ -128,8 +130,9 @@ class Supervisor:
                     break
                 if now >= next_sample:
                     next_sample = now + 1.0
-                    for child in self.children.values():
-                        child.sample_memory()
+                    if self.has_drawn:
+                        for child in self.children.values():
+                            child.sample_memory()
                     if tell is not None:
                         tell()
                 if self._first_drawn is None:
@@ -153,17 +156,16 @@ class Supervisor:
 
     def report(self) -> dict[str, Any]:
         """What happened, in the form that ``--report`` writes."""
-        stage, view = self._health.get("stage"), self._health.get("view")
-        into = stage.counters if stage else {}
-        drawn = view.counters.get("frames_drawn", 0) if view else 0
+        drawn = self._count("view", "frames_drawn")
+        view = self._health.get("view")
         gauges = view.gauges if view else {}
         end = self._stopped or time.monotonic()
         elapsed = end - self._first_drawn if self._first_drawn is not None else 0.0
         return {
-            "frames_in": into.get("frames_in", 0),
-            "frames_posed": into.get("frames_posed", 0),
+            "frames_in": self._count("stage", "frames_in"),
+            "frames_posed": self._count("stage", "frames_posed"),
             "frames_drawn": drawn,
-            "dropped": into.get("dropped", 0),
+            "dropped": self._count("stage", "dropped"),
             "latency_ms": {
                 "p50": round(gauges.get("latency_p50_ms", 0.0), 2),
                 "p99": round(gauges.get("latency_p99_ms", 0.0), 2),
@@ -183,6 +185,12 @@ class Supervisor:
             "seconds": round(elapsed, 2),
             "puppets": [puppet.name for puppet in self.show.puppets],
         }
+
+    def _count(self, role: str, counter: str) -> int:
+        """A counter over all processes that have had a role."""
+        now = self._health.get(role)
+        past = self._past.get(role, Counter())
+        return past[counter] + (now.counters.get(counter, 0) if now else 0)
 
     def status_line(self) -> str:
         """One line for people."""
@@ -211,6 +219,9 @@ class Supervisor:
             health = self._decode(data)
         except PuppetError:
             return
+        before = self._health.get(health.role)
+        if before is not None and before.pid != health.pid:  # it was started again
+            self._past.setdefault(health.role, Counter()).update(before.counters)
         self._health[health.role] = health
         if (
             health.role == "view"
@@ -241,8 +252,8 @@ class Supervisor:
             if child.role == "track" and code == 0:
                 child.process = None  # a recording that is not repeated has ended
                 continue
-            if code == TOLD:
-                return TOLD
+            if code == TOLD and not self.has_drawn:
+                return TOLD  # it has told a person what is wrong; later, the show goes on
             if now - child.started > STEADY:
                 child.failures = 0
             pause = PAUSES[min(child.failures, len(PAUSES) - 1)]

@@ -89,7 +89,7 @@ class Stage:
         self._last_sequence = -1
         self.health = Health(bus, "stage")
         cast = CastMessage(
-            revision=1,
+            revision=time.time_ns(),  # another stage, another cast
             members=tuple(
                 CastMember(
                     puppet.name,
@@ -155,30 +155,44 @@ class Stage:
 
     def _send(self, tick: Tick, sent_ns: int) -> None:
         self._sequence += 1
-        performer = None
-        if tick.neutral is not None:
-            hip = tick.neutral.hip
-            performer = PerformerNow(
-                performer=tick.frame.performer,
-                positions=tick.frame.positions.tobytes(),
-                states=tick.frame.states.tobytes(),
-                influence=tick.frame.influence.tobytes(),
-                neutral_hip=(float(hip[0]), float(hip[1]), float(hip[2])),
-                neutral_heading=tick.neutral.heading,
-                measured=tick.measured,
-            )
         self._publish(
             encode(
-                SceneMessage(
+                scene_of(
+                    tick,
                     sequence=self._sequence,
-                    time=tick.frame.time,
                     frame_sent_ns=sent_ns,
-                    posed_ns=time.monotonic_ns(),
                     cast=self._cast,
                     source=self._source,
                     synthetic=self._synthetic,
-                    puppets=tuple(PuppetPose.of(name, pose) for name, pose in tick.poses.items()),
-                    performer=performer,
                 )
             )
         )
+
+
+def scene_of(
+    tick: Tick, *, sequence: int, frame_sent_ns: int, cast: int, source: str, synthetic: bool
+) -> SceneMessage:
+    """What viewers are told of one step of the line."""
+    performer = None
+    if tick.neutral is not None:
+        hip = tick.neutral.hip
+        performer = PerformerNow(
+            performer=tick.frame.performer,
+            positions=tick.frame.positions.tobytes(),
+            states=tick.frame.states.tobytes(),
+            influence=tick.frame.influence.tobytes(),
+            neutral_hip=(float(hip[0]), float(hip[1]), float(hip[2])),
+            neutral_heading=tick.neutral.heading,
+            measured=tick.measured,
+        )
+    return SceneMessage(
+        sequence=sequence,
+        time=tick.frame.time,
+        frame_sent_ns=frame_sent_ns,
+        posed_ns=time.monotonic_ns(),
+        cast=cast,
+        source=source,
+        synthetic=synthetic,
+        puppets=tuple(PuppetPose.of(name, pose) for name, pose in tick.poses.items()),
+        performer=performer,
+    )

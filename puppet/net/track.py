@@ -25,6 +25,8 @@ def run_track(source: Source, bus: Bus, stop: threading.Event) -> None:
     health.note = info.name
     publish = bus.publisher("skeleton")
     bus.be_present("track", str(stream_ns))
+    if not info.live:
+        _wait_for_stage(bus, stop)  # or the beginning of a recording would be lost
     health.state = "running"
     started: float | None = None
     try:
@@ -47,6 +49,18 @@ def run_track(source: Source, bus: Bus, stop: threading.Event) -> None:
     finally:
         source.close()
         health.close()
+
+
+def _wait_for_stage(bus: Bus, stop: threading.Event) -> None:
+    there = threading.Event()
+
+    def watch(role: str, _name: str, alive: bool) -> None:
+        if role == "stage" and alive:
+            there.set()
+
+    bus.watch_presence(watch)
+    while not there.wait(0.1) and not stop.is_set():
+        pass
 
 
 def _timed(source: Source) -> Iterator[tuple[float, SkeletonFrame]]:

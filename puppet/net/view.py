@@ -67,15 +67,22 @@ class Viewer:
                 self._meet_cast()  # takes a while: what was to be drawn is old by now
                 return None
         except PuppetError as error:
-            self.health.counters["refused"] += 1
-            self.health.note = str(error)
+            self._refuse(error)
             return None
         return scene
 
-    def draw(self, scene: SceneMessage, target: moderngl.Framebuffer | None = None) -> None:
-        """Draw a scene and wait until the picture is finished."""
-        self.renderer.draw(self._picture(scene), target)
+    def draw(self, scene: SceneMessage, target: moderngl.Framebuffer | None = None) -> bool:
+        """Draw a scene and wait until the picture is finished.
+
+        A scene that makes no sense is told in the viewer's health and left out: False.
+        """
+        try:
+            self.renderer.draw(self._picture(scene), target)
+        except PuppetError as error:
+            self._refuse(error)
+            return False
         self._ctx.finish()
+        return True
 
     def count(self, scene: SceneMessage) -> None:
         """Take note that a new scene was drawn just now."""
@@ -93,6 +100,10 @@ class Viewer:
         self._give_figures()
         self.health.close()
         self.renderer.release()
+
+    def _refuse(self, error: PuppetError) -> None:
+        self.health.counters["refused"] += 1
+        self.health.note = str(error)
 
     def _give_figures(self) -> None:
         self.health.gauges.update(
@@ -138,7 +149,10 @@ class Viewer:
 def _notes(scene: SceneMessage) -> tuple[str, ...]:
     if not scene.source:
         return ("waiting for a tracker",)
-    return ("synthetic",) if scene.synthetic else ()
+    notes = ["synthetic"] if scene.synthetic else []
+    if scene.performer is not None and not scene.performer.measured:
+        notes.append("stand still to calibrate")
+    return tuple(notes)
 
 
 def run_headless(
@@ -148,8 +162,7 @@ def run_headless(
     try:
         while not stop.is_set():
             scene = viewer.next_scene(PATIENCE)
-            if scene is not None:
-                viewer.draw(scene)
+            if scene is not None and viewer.draw(scene):
                 viewer.count(scene)
                 _hand_on(viewer, outputs)
     finally:
@@ -174,8 +187,8 @@ def run_window(
             scene = newer or scene
             if scene is not None and window.framebuffer_size != (0, 0):
                 viewer.renderer.resize(window.framebuffer_size)
-                viewer.draw(scene, window.ctx.screen)
-                if newer is not None:
+                drawn = viewer.draw(scene, window.ctx.screen)
+                if drawn and newer is not None:
                     viewer.count(newer)
                     _hand_on(viewer, outputs)
             window.swap()
