@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import threading
 import time
 from collections.abc import Sequence
@@ -29,6 +30,8 @@ from puppet.skeleton import SkeletonFrame
 PATIENCE = 0.1
 #: Pictures between two looks at the percentiles, which cost more than counting.
 FIGURES_EVERY = 15
+#: Pictures that are drawn before the first one counts: drivers compile what they draw.
+WARM_UP = 5
 
 
 class Viewer:
@@ -64,8 +67,10 @@ class Viewer:
         try:
             scene = self._decode(data)
             if scene.cast != self._cast:
-                self._meet_cast()  # takes a while: what was to be drawn is old by now
-                return None
+                self._meet_cast()
+                for _ in range(WARM_UP):
+                    self.draw(scene)
+                return None  # that took a while: the scene is old by now
         except PuppetError as error:
             self._refuse(error)
             return None
@@ -144,6 +149,9 @@ class Viewer:
         width, height = self.renderer.size
         self.staging = Staging(self._view, extents, width / height)
         self._cast = cast.revision
+        # What was loaded stays: the collector need not look through it between two pictures.
+        gc.collect()
+        gc.freeze()
 
 
 def _notes(scene: SceneMessage) -> tuple[str, ...]:

@@ -73,7 +73,7 @@ def _screw(centre: Floats, half: float, radius: float) -> tuple[Surface, Surface
 
 
 def _base(puppet: PuppetFile) -> None:
-    felt = turned([(0.0, 0.0), (0.176, 0.0), (0.180, 0.004), (0.180, 0.010)], sides=28)
+    felt = turned([(0.0, 0.0), (0.176, 0.0), (0.180, 0.004), (0.180, 0.010)], sides=22)
     puppet.add(felt, RUBBER, "base")
     dome = spline(
         [
@@ -88,7 +88,7 @@ def _base(puppet: PuppetFile) -> None:
         9,
     )
     profile = [(0.0, 0.010), *((float(r), float(y)) for r, y in dome), (0.034, 0.096), (0.0, 0.097)]
-    puppet.add(turned(profile, sides=28), ENAMEL, "base")
+    puppet.add(turned(profile, sides=24), ENAMEL, "base")
     puppet.add(turned(_ring(0.0425, 0.0065, 0.088), sides=16), BRASS, "base")
     for z in (-0.030, 0.030):
         cheek = plate(stadium((0.0, 0.088), FOOT[:2], 0.030, 0.030), 0.009)
@@ -142,7 +142,7 @@ def _arm(
         hooks = [start + low * way, start + high * way]
         for z in (-0.021, 0.021):
             puppet.add(
-                spring(hooks[0] + z * Z, hooks[1] + z * Z, 0.018, 0.0044, 8, per_turn=6),
+                spring(hooks[0] + z * Z, hooks[1] + z * Z, 0.018, 0.0044, 7, per_turn=6),
                 STEEL,
                 bone,
             )
@@ -186,13 +186,13 @@ def _shade(puppet: PuppetFile) -> None:
         11,
     )
     bell_profile = [(0.0, 0.034), *((float(r), float(h)) for r, h in bell)]
-    outside = turned(bell_profile, origin=NECK, axis=SHINE, sides=24)
+    outside = turned(bell_profile, origin=NECK, axis=SHINE, sides=22)
     puppet.add(outside, ENAMEL, "shade")
     inner = [(r - 0.006, h + 0.004) for r, h in bell_profile[4:]]
     # From the mouth inwards, so that it faces the bulb.
-    inside = turned([*inner[::-1], (0.0, inner[0][1])], origin=NECK, axis=SHINE, sides=24)
+    inside = turned([*inner[::-1], (0.0, inner[0][1])], origin=NECK, axis=SHINE, sides=22)
     puppet.add(inside, CREAM, "shade")
-    rim = turned(_ring(0.1625, 0.006, 0.2945), origin=NECK, axis=SHINE, sides=24)
+    rim = turned(_ring(0.1625, 0.006, 0.2945), origin=NECK, axis=SHINE, sides=22)
     puppet.add(rim, BRASS, "shade")
     for height in (0.086, 0.110):
         ring = turned(_ring(0.0640, 0.0042, height), origin=NECK, axis=SHINE, sides=16)
