@@ -17,11 +17,10 @@ from puppet.cast import load_cast
 from puppet.errors import BadShowError
 from puppet.line import Line, Tick
 from puppet.mapping.stance import upright
-from puppet.pose import Pose, rest_pose
 from puppet.render.context import headless_context
 from puppet.render.output import open_output
 from puppet.render.renderer import Renderer
-from puppet.render.scene import Picture, PuppetOnStage
+from puppet.render.scene import PuppetOnStage
 from puppet.render.sheet import contact_sheet
 from puppet.render.staging import Staging
 from puppet.show import Show, load_show
@@ -50,9 +49,7 @@ class Studio:
         for puppet in cast:
             pairs = {pair.bone: pair.human for pair in puppet.proposal.pairs}
             self._renderer.add_puppet(PuppetOnStage(puppet.name, puppet.model, pairs))
-            rest = rest_pose(puppet.model.armature)
-            pose = Pose(puppet.placement.position, rest.rotation, rest.bones)
-            extents.append(self._renderer.extent(Picture(poses={puppet.name: pose})))
+            extents.append(self._renderer.rest_extent(puppet.name, puppet.placement.position))
         self._staging = Staging(show.view, extents, size[0] / size[1])
 
     def picture(self, tick: Tick) -> NDArray[np.uint8]:

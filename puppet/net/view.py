@@ -17,7 +17,6 @@ from puppet.net.bus import Bus
 from puppet.net.health import Health
 from puppet.net.latency import Latency
 from puppet.net.messages import CastMessage, Decoder, SceneMessage
-from puppet.pose import Pose, rest_pose
 from puppet.render.background import BackgroundOutput
 from puppet.render.renderer import Renderer
 from puppet.render.scene import Picture, PuppetOnStage, Status
@@ -142,10 +141,8 @@ class Viewer:
         for member in cast.members:
             model = load_puppet(Path(member.armature)).model.scaled(member.scale)
             self.renderer.add_puppet(PuppetOnStage(member.name, model, dict(member.pairs)))
-            rest = rest_pose(model.armature)
-            place = self._places.get(member.name, rest.translation)
-            standing = {member.name: Pose(place, rest.rotation, rest.bones)}
-            extents.append(self.renderer.extent(Picture(poses=standing)))
+            place = self._places.get(member.name, np.zeros(3))
+            extents.append(self.renderer.rest_extent(member.name, place))
         width, height = self.renderer.size
         self.staging = Staging(self._view, extents, width / height)
         self._cast = cast.revision

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from puppet.kernel import Floats
+from puppet.pose import Pose, rest_pose
 from puppet.render.boxes import corners_of
 from puppet.render.canvas import Canvas
 from puppet.render.context import is_software
@@ -96,6 +97,11 @@ class Renderer:
         parts = self._figure(picture)
         boxes += [boxes_of(parts.solid), boxes_of(parts.hollow)]
         return corners_of(np.concatenate(boxes))
+
+    def rest_extent(self, name: str, place: Floats) -> Floats:
+        """(N, 3) metres, points around a puppet that rests at `place` (3,): for the staging."""
+        rest = rest_pose(self._skins[name].armature)
+        return self.extent(Picture(poses={name: Pose(place, rest.rotation, rest.bones)}))
 
     # -- pictures --------------------------------------------------------------------------------
 
