@@ -266,18 +266,27 @@ def test_ctrl_c_ends_everything(tmp_path: Path, free_port: int) -> None:
 
 
 def test_a_recording_does_not_begin_before_there_is_a_stage(tmp_path: Path, free_port: int) -> None:
-    """A take that is played once, and is over in a second, is seen from its first frame on."""
+    """Of a take that is played once, and is over in two seconds, the stage hears every frame."""
     text = SHOW.read_text().replace('"ping-pong"', '"once"')
     text = text.replace("../armatures", str(REPOSITORY / "configs/armatures"))
     text = text.replace("../../tests", str(REPOSITORY / "tests"))
     show = tmp_path / "once.toml"
     show.write_text(text)
+    frames = len(read_take(TAKE).thinned(30))
     with running("track", str(show), "--port", str(free_port)):
         time.sleep(2.5)  # the tracker is up long before the stage
         with running("stage", str(show), "--port", str(free_port)):
             scenes = Scenes(free_port, load_show(show).key)
-            first = scenes.until(lambda s: s.frame_sent_ns > 0)
-            assert first.time < 0.5
+            decode = Decoder(HealthMessage)
+            counted: list[int] = []
+
+            def hear(data: bytes) -> None:
+                counters = decode(data).counters
+                # What the stage was too slow for is counted as well; a lost beginning is not.
+                counted.append(counters.get("frames_in", 0) + counters.get("dropped", 0))
+
+            scenes.bus.listen("health/stage", hear)
+            scenes.until(lambda _scene: bool(counted) and counted[-1] >= frames - 1)
             scenes.bus.close()
 
 
