@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -76,7 +77,7 @@ class Armature:
         count = len(names)
         if count == 0:
             raise PuppetError("the armature has no bones", where=name)
-        repeated = sorted({bone for bone in names if names.count(bone) > 1})
+        repeated = sorted(bone for bone, times in Counter(names).items() if times > 1)
         if repeated:
             raise PuppetError("bone names are not unique", where=name, found=", ".join(repeated))
         order = _parents_first(name, names, parents)

@@ -38,6 +38,13 @@ class Paint:
         return [round(float(x), 5) for x in curve]
 
 
+def _shares(surface: Surface, weights: str | Weights | Callable[[Surface], Weights]) -> Weights:
+    """Shares by bone's name, from any of the ways in which they may be given."""
+    if isinstance(weights, str):
+        return {weights: 1.0}
+    return weights(surface) if callable(weights) else weights
+
+
 @dataclass(slots=True)
 class PuppetFile:
     """A puppet in the making. bones: name -> (parent or "", origin in metres), parents first."""
@@ -57,10 +64,7 @@ class PuppetFile:
         weights: str | Weights | Callable[[Surface], Weights],
     ) -> None:
         """Put a surface on the puppet. weights: one bone's name, or shares by bone's name."""
-        if isinstance(weights, str):
-            weights = {weights: 1.0}
-        elif callable(weights):
-            weights = weights(surface)
+        weights = _shares(surface, weights)
         table = np.zeros((len(surface.positions), len(self.bones)))
         names = list(self.bones)
         for bone, share in weights.items():
@@ -74,10 +78,7 @@ class PuppetFile:
         weights: str | Weights | Callable[[Surface], Weights],
     ) -> None:
         """Put a part of the left side on the puppet, and its mirror image on the right."""
-        if isinstance(weights, str):
-            weights = {weights: 1.0}
-        elif callable(weights):
-            weights = weights(surface)
+        weights = _shares(surface, weights)
         self.add(surface, paint, weights)
         swapped = {other_side(bone): share for bone, share in weights.items()}
         self.add(surface.mirrored(), paint, swapped)
