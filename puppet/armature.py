@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Literal
 
@@ -17,6 +17,8 @@ from puppet.kernel import Floats, Ints, frozen
 from puppet.rotation import multiply, rotate
 
 Side = Literal["L", "R", ""]
+#: How a bone moves in its parent: it turns, it slides along an axis, or it is fixed.
+Movement = Literal["turn", "slide", "fixed"]
 
 # Words between separators in any case ("arm_l", "Hand Right"), and words in camel case
 # ("LeftArm", "upperArmRight"), but not words that only begin alike ("leftover").
@@ -45,7 +47,10 @@ class Armature:
     offsets: (B, 3) metres, the bone's origin in its parent's frame (a root's in the armature's).
     rotations: (B, 4) xyzw, rest rotation parent_from_bone.
     tips: (B, 3) metres, where the bone ends, in its own frame.
-    limits: (B,) radians, how far a bone may swing from rest; inf where it is free.
+    limits: (B,) radians, how far a bone may turn from rest in any direction; inf where it is free.
+    lower, upper: (B, 3) radians, how far it may turn about each axis of its own rest frame, as
+        components of the rotation vector; both 0 about an axis that it cannot turn about.
+    movements: B of `Movement`. Poses turn bones: one that slides or is fixed stays at rest.
     """
 
     name: str
@@ -54,7 +59,10 @@ class Armature:
     offsets: Floats
     rotations: Floats
     tips: Floats
-    limits: Floats = field(default_factory=lambda: np.empty(0))
+    limits: Floats
+    lower: Floats
+    upper: Floats
+    movements: tuple[Movement, ...]
 
     @classmethod
     def build(
@@ -66,6 +74,9 @@ class Armature:
         rotations: ArrayLike | None = None,
         tips: ArrayLike | None = None,
         limits: ArrayLike | None = None,
+        lower: ArrayLike | None = None,
+        upper: ArrayLike | None = None,
+        movements: Sequence[Movement] | None = None,
     ) -> Armature:
         """Check the hierarchy, put parents first and freeze the arrays.
 
@@ -94,6 +105,9 @@ class Armature:
             else np.asarray(tips, float).reshape(count, 3)[order]
         )
         limit = np.full(count, np.inf) if limits is None else np.asarray(limits, float)[order]
+        low = np.full((count, 3), -np.inf) if lower is None else np.asarray(lower, float)[order]
+        high = np.full((count, 3), np.inf) if upper is None else np.asarray(upper, float)[order]
+        moves: Sequence[Movement] = ["turn"] * count if movements is None else movements
         return cls(
             name=name,
             names=tuple(names[old] for old in order),
@@ -102,6 +116,9 @@ class Armature:
             rotations=frozen(rotation),
             tips=frozen(tip),
             limits=frozen(limit),
+            lower=frozen(low),
+            upper=frozen(high),
+            movements=tuple(moves[old] for old in order),
         )
 
     def __len__(self) -> int:
@@ -137,6 +154,12 @@ class Armature:
                 depth[bone] = depth[parent] + 1
         depth.setflags(write=False)
         return depth
+
+    @cached_property
+    def freedoms(self) -> Ints:
+        """(B,) degrees of freedom: about how many axes a bone turns; 0 if it slides or is fixed."""
+        turning = np.array([movement == "turn" for movement in self.movements])
+        return frozen(((self.upper > self.lower).sum(axis=1)) * turning, np.int32)
 
     @cached_property
     def sides(self) -> tuple[Side, ...]:

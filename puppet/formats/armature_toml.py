@@ -2,15 +2,24 @@
 
 ::
 
+    model = "seagull.glb"    # the model, where it does not have this file's stem
     grounded = true          # stands on the floor, and never sinks below it
     forward = "+z"           # where it faces in the file; it is turned to face +Z
 
-    [bones."fin.R"]
-    limit = 75               # degrees that the bone may swing away from its rest
+    [masters]                # one handle that drives several end effectors
+    wings = ["wing_tip.L", "wing_tip.R"]
 
-Everything is optional, and so is the file. Each key is one field of a struct below, so what a later
-version wants to know of a bone (degrees of freedom, movement type) or of a puppet (master bones,
-preferences) is one field more.
+    [preferences]            # of the puppeteer; see puppet/mapping/preferences.py
+    leave_out = ["leg.L", "leg.R"]
+
+    [bones."fin.R"]
+    limit = 75               # degrees that the bone may turn away from its rest in any direction
+    turns = "xz"             # the axes of its own rest frame that it turns about; "" for none
+    x = [-10, 60]            # degrees about one of them
+    movement = "turn"        # or "slide", or "fixed"
+    follow = 0.5             # without a partner, it repeats this share of its parent's turn
+
+Everything is optional, and so is the file. Each key is one field of a struct below.
 """
 
 from __future__ import annotations
@@ -26,10 +35,11 @@ import msgspec
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from puppet.armature import Armature
+from puppet.armature import Armature, Movement
 from puppet.errors import BadFileError
 from puppet.formats.gltf import load_model
 from puppet.kernel import frozen
+from puppet.mapping.preferences import Preferences
 from puppet.mesh import Mesh, Model
 
 Record = TypeVar("Record", bound=msgspec.Struct)
@@ -38,17 +48,50 @@ Record = TypeVar("Record", bound=msgspec.Struct)
 _TURNS: Final = {"+z": 0.0, "+x": -90.0, "-z": 180.0, "-x": 90.0}
 
 
+Degrees = Annotated[float, msgspec.Meta(ge=-180.0, le=180.0)]
+
+
 class BoneTraits(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """One bone. limit: degrees that it may swing from rest in any direction; None for free."""
+    """One bone.
+
+    limit: degrees that it may turn from rest in any direction; None for free.
+    turns: the axes of its own rest frame that it turns about. x, y, z: degrees, from and to, about
+        one of them; 0 must lie between. movement: how it moves in its parent.
+    follow: the share of its parent's turn that it repeats when nothing drives it.
+    """
 
     limit: Annotated[float, msgspec.Meta(ge=0.0, le=180.0)] | None = None
+    turns: Annotated[str, msgspec.Meta(pattern="^x?y?z?$")] = "xyz"
+    x: tuple[Degrees, Degrees] | None = None
+    y: tuple[Degrees, Degrees] | None = None
+    z: tuple[Degrees, Degrees] | None = None
+    movement: Movement = "turn"
+    follow: Annotated[float, msgspec.Meta(ge=-1.0, le=1.0)] = 0.0
+
+    def __post_init__(self) -> None:
+        for axis in "xyz":
+            bounds = getattr(self, axis)
+            if bounds is not None and not bounds[0] <= 0.0 <= bounds[1]:
+                raise ValueError(f"{axis} must go from 0 or less to 0 or more, not {list(bounds)}")
+
+    def bounds(self, axis: str) -> tuple[float, float]:
+        """Radians from and to about `axis`."""
+        if axis not in self.turns:
+            return 0.0, 0.0
+        bounds: tuple[float, float] | None = getattr(self, axis)
+        if bounds is None:
+            return -math.inf, math.inf
+        return math.radians(bounds[0]), math.radians(bounds[1])
 
 
 class _File(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """The file as it is written; its bones are checked one by one, to name the bad one."""
 
+    model: str | None = None
     grounded: bool = False
     forward: Literal["+x", "-x", "+z", "-z"] = "+z"
+    masters: dict[str, tuple[str, ...]] = {}
+    preferences: dict[str, Any] = {}
     bones: dict[str, dict[str, Any]] = {}
 
 
@@ -58,11 +101,14 @@ class Traits:
 
     grounded: the puppet stands on the floor (y = 0 at rest) and never sinks below it.
     forward: where it faces in the glTF file. bones: by name, those that the file mentions.
+    masters: by name, the end effectors that each drives. preferences: of the puppeteer.
     """
 
     grounded: bool = False
     forward: Literal["+x", "-x", "+z", "-z"] = "+z"
     bones: Mapping[str, BoneTraits] = field(default_factory=dict)
+    masters: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    preferences: Preferences = field(default_factory=Preferences)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -74,14 +120,36 @@ class Puppet:
 
 
 def load_puppet(path: Path) -> Puppet:
-    """A ``.glb`` or ``.gltf`` with the ``.toml`` beside it, if there is one, taken into account.
+    """A model with the ``.toml`` beside it, if there is one, taken into account.
+
+    `path` may also be such a ``.toml`` itself, which then names its model (``model = …``) or has
+    the stem of a ``.glb`` beside it.
 
     Raises BadFileError for either file (see `load_model` and `load_traits`).
     """
+    path = Path(path)
+    beside = path.with_suffix(".toml")
+    if path.suffix.lower() == ".toml" or (beside.exists() and not path.exists()):
+        path = _model_of(beside)
     model = load_model(path)
-    beside = Path(path).with_suffix(".toml")
     traits = load_traits(beside, model.armature) if beside.exists() else Traits()
-    return Puppet(_limited(_facing(model, traits), traits), traits)
+    model = _limited(_facing(model, traits), traits)
+    if beside.stem != path.stem:
+        model = replace(model, armature=replace(model.armature, name=beside.stem))
+    return Puppet(model, traits)
+
+
+def _model_of(path: Path) -> Path:
+    """The model that a ``.toml`` is about."""
+    named = _convert(_document(path), _File, str(path)).model
+    if named is None:
+        return path.with_suffix(".glb")
+    model = path.parent / named
+    if Path(named).is_absolute() or not model.resolve().is_relative_to(path.parent.resolve()):
+        raise BadFileError(
+            "the model lies outside of the file's folder", where=f"{path}: model", found=named
+        )
+    return model
 
 
 def load_traits(path: Path, armature: Armature) -> Traits:
@@ -90,29 +158,49 @@ def load_traits(path: Path, armature: Armature) -> Traits:
     Raises BadFileError, which names the place in the file, for anything that is not TOML, an
     unknown key, a value of the wrong type or range, and a bone that the armature does not have.
     """
+    file = _convert(_document(path), _File, str(path))
+    for name in file.bones:
+        _check_bone(name, f"{path}: bones.{name}", armature)
+    for master, effectors in file.masters.items():
+        where = f"{path}: masters.{master}"
+        for name in effectors:
+            _check_bone(name, where, armature)
+        if len(effectors) < 2 or len(set(effectors)) < len(effectors):
+            raise BadFileError(
+                "a master drives two or more different bones",
+                where=where,
+                found=", ".join(effectors) or "none",
+            )
+        if master in armature.names:
+            raise BadFileError("a master cannot have the name of a bone", where=where, found=master)
+    bones = {
+        name: _convert(values, BoneTraits, f"{path}: bones.{name}")
+        for name, values in file.bones.items()
+    }
+    preferences = _convert(file.preferences, Preferences, f"{path}: preferences")
+    return Traits(file.grounded, file.forward, bones, file.masters, preferences)
+
+
+def _document(path: Path) -> dict[str, Any]:
     try:
-        document = tomllib.loads(path.read_text(encoding="utf-8"))
+        return tomllib.loads(path.read_text(encoding="utf-8"))
     except OSError as error:
         raise BadFileError(
             "the puppet's traits cannot be read", where=path, found=str(error)
         ) from error
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise BadFileError("this is not TOML", where=path, found=str(error)) from error
-    file = _convert(document, _File, str(path))
-    for name in file.bones:
-        if name not in armature.names:
-            raise BadFileError(
-                "there is no such bone",
-                where=f"{path}: bones.{name}",
-                expected=f"one of {', '.join(armature.names)}",
-                found=name,
-                hint='a name with a dot needs quotes: [bones."fin.R"]',
-            )
-    bones = {
-        name: _convert(values, BoneTraits, f"{path}: bones.{name}")
-        for name, values in file.bones.items()
-    }
-    return Traits(file.grounded, file.forward, bones)
+
+
+def _check_bone(name: str, where: str, armature: Armature) -> None:
+    if name not in armature.names:
+        raise BadFileError(
+            "there is no such bone",
+            where=where,
+            expected=f"one of {', '.join(armature.names)}",
+            found=name,
+            hint='a name with a dot needs quotes: [bones."fin.R"]',
+        )
 
 
 def _convert(values: object, kind: type[Record], where: str) -> Record:
@@ -125,11 +213,29 @@ def _convert(values: object, kind: type[Record], where: str) -> Record:
 
 
 def _limited(model: Model, traits: Traits) -> Model:
-    limits = np.array(model.armature.limits)
+    armature = model.armature
+    limits = np.array(armature.limits)
+    lower, upper = np.array(armature.lower), np.array(armature.upper)
+    movements = list(armature.movements)
     for name, bone in traits.bones.items():
+        index = armature.index(name)
         if bone.limit is not None:
-            limits[model.armature.index(name)] = math.radians(bone.limit)
-    return replace(model, armature=replace(model.armature, limits=frozen(limits)))
+            limits[index] = math.radians(bone.limit)
+        bounds = [bone.bounds(axis) for axis in "xyz"]
+        lower[index] = np.maximum(lower[index], [low for low, _ in bounds])
+        upper[index] = np.minimum(upper[index], [high for _, high in bounds])
+        if bone.movement != "turn":
+            movements[index] = bone.movement
+    return replace(
+        model,
+        armature=replace(
+            armature,
+            limits=frozen(limits),
+            lower=frozen(lower),
+            upper=frozen(upper),
+            movements=tuple(movements),
+        ),
+    )
 
 
 def _facing(model: Model, traits: Traits) -> Model:

@@ -45,6 +45,9 @@ def without_idle_bones(model: Model) -> Model:
         frozen(armature.rotations[kept]),
         frozen(armature.tips[kept]),
         frozen(armature.limits[kept]),
+        frozen(armature.lower[kept]),
+        frozen(armature.upper[kept]),
+        tuple(armature.movements[bone] for bone in kept),
     )
     meshes = tuple(
         # An influence without weight may name any bone; it gets the first.
