@@ -127,14 +127,18 @@ class Armature:
     def index(self, bone: str) -> int:
         """The index of a bone. Raises PuppetError that lists the names there are."""
         try:
-            return self.names.index(bone)
-        except ValueError:
+            return self._indices[bone]
+        except KeyError:
             raise PuppetError(
                 "there is no such bone",
                 where=self.name,
                 expected=f"one of {', '.join(self.names)}",
                 found=bone,
             ) from None
+
+    @cached_property
+    def _indices(self) -> dict[str, int]:
+        return {bone: index for index, bone in enumerate(self.names)}
 
     @cached_property
     def children(self) -> tuple[tuple[int, ...], ...]:
@@ -200,16 +204,17 @@ def _parents_first(name: str, names: Sequence[str], parents: Sequence[int]) -> l
                 found=str(parent),
             )
     for bone in range(len(names)):
-        path: list[int] = []
+        path: dict[int, None] = {}  # in order, and quick to look things up in
         node = bone
         while node >= 0 and not placed[node]:
             if node in path:
+                line = list(path)
                 raise PuppetError(
                     "bones are their own ancestors",
                     where=name,
-                    found=" → ".join(names[n] for n in [*path[path.index(node) :], node]),
+                    found=" → ".join(names[n] for n in [*line[line.index(node) :], node]),
                 )
-            path.append(node)
+            path[node] = None
             node = parents[node]
         for node in reversed(path):
             placed[node] = True
@@ -230,16 +235,18 @@ def _rest_transforms(
 
 def _guess_tips(parents: Sequence[int], offsets: Floats, rotations: Floats) -> Floats:
     positions, turned = _rest_transforms(parents, offsets, rotations)
+    above = np.asarray(parents, int)
+    child = np.flatnonzero(above >= 0)
+    sums, counts = np.zeros_like(positions), np.bincount(above[child], minlength=len(above))
+    np.add.at(sums, above[child], positions[child])
     tips = np.zeros_like(offsets)
-    directions = np.zeros_like(offsets)
     for bone, parent in enumerate(parents):
-        children = [child for child, its in enumerate(parents) if its == bone]
-        if children:
-            directions[bone] = positions[children].mean(axis=0) - positions[bone]
+        if counts[bone]:
+            direction = sums[bone] / counts[bone] - positions[bone]
         elif parent >= 0:
-            directions[bone] = positions[bone] - positions[parent]
+            direction = positions[bone] - positions[parent]
         else:
-            directions[bone] = (0.0, 0.1, 0.0)
+            direction = np.array([0.0, 0.1, 0.0])
         back = np.array([*-turned[bone][:3], turned[bone][3]])
-        tips[bone] = rotate(back, directions[bone])
+        tips[bone] = rotate(back, direction)
     return tips

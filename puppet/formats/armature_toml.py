@@ -37,7 +37,7 @@ from scipy.spatial.transform import Rotation
 
 from puppet.armature import Armature, Movement
 from puppet.errors import BadFileError
-from puppet.formats.gltf import load_model
+from puppet.formats.model import MODEL_SUFFIXES, load_model
 from puppet.kernel import frozen
 from puppet.mapping.preferences import Preferences
 from puppet.mesh import Mesh, Model
@@ -123,7 +123,7 @@ def load_puppet(path: Path) -> Puppet:
     """A model with the ``.toml`` beside it, if there is one, taken into account.
 
     `path` may also be such a ``.toml`` itself, which then names its model (``model = …``) or has
-    the stem of a ``.glb`` beside it.
+    the stem of a model beside it.
 
     Raises BadFileError for either file (see `load_model` and `load_traits`).
     """
@@ -143,7 +143,8 @@ def _model_of(path: Path) -> Path:
     """The model that a ``.toml`` is about."""
     named = _convert(_document(path), _File, str(path)).model
     if named is None:
-        return path.with_suffix(".glb")
+        beside = [path.with_suffix(suffix) for suffix in MODEL_SUFFIXES]
+        return next((model for model in beside if model.exists()), beside[0])
     model = path.parent / named
     if Path(named).is_absolute() or not model.resolve().is_relative_to(path.parent.resolve()):
         raise BadFileError(

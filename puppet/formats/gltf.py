@@ -7,15 +7,19 @@ BadFileError.
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from puppet.armature import Armature
 from puppet.errors import BadFileError
+from puppet.formats.bone_ends import bone_ends
+from puppet.formats.bone_names import unique_names
 from puppet.formats.gltf_file import GltfFile
 from puppet.formats.gltf_material import Surface, read_surface
 from puppet.formats.gltf_skin import Binding, bind_skin, joined, read_primitive
@@ -24,7 +28,8 @@ from puppet.kernel import Floats
 from puppet.mesh import Mesh, Model
 
 _NO_SKIN: Final = "in Blender: parent the mesh to an armature, and export with Skinning on"
-_MOST_BONES: Final = 65_535  # what 16-bit joint indices can tell apart
+#: What 16-bit joint indices can tell apart.
+MOST_BONES: Final = 65_535
 
 
 def load_model(path: Path) -> Model:
@@ -60,10 +65,14 @@ def _load(file: GltfFile) -> Model:
     )
     if not joints:
         raise BadFileError("there is no skin in it", where=file.path, hint=_NO_SKIN)
-    if len(joints) > _MOST_BONES:
+    if len(joints) > MOST_BONES:
         raise BadFileError("it has too many bones", where=file.path, found=str(len(joints)))
     bone_of_node = {node: bone for bone, node in enumerate(joints)}
-    names = _names(file, joints)
+    names = unique_names(
+        [document.nodes[node].name for node in joints],
+        [f"bone_{node}" for node in joints],
+        file.warn,
+    )
 
     parts: dict[int | None, list[Mesh]] = {}
     surfaces: dict[int | None, Surface] = {}
@@ -85,7 +94,7 @@ def _load(file: GltfFile) -> Model:
                 parts.setdefault(primitive.material, []).append(part)
     meshes = tuple(joined(parts[material]) for material in parts)
     armature = _armature(file, joints, bone_of_node, names, meshes)
-    return Model(armature, meshes, tuple(file.warnings))
+    return Model(armature, meshes, file.warnings)
 
 
 def _parents_first(file: GltfFile, joints: Iterable[int]) -> list[int]:
@@ -96,41 +105,22 @@ def _parents_first(file: GltfFile, joints: Iterable[int]) -> list[int]:
     known = set(wanted)
     order: dict[int, None] = {}
     for node in wanted:
-        for ancestor in reversed([n for n in file.ancestors(node) if n in known]):
+        above = itertools.takewhile(lambda n: n not in order, file.ancestors(node))
+        for ancestor in reversed([n for n in above if n in known]):
             order.setdefault(ancestor)
         order.setdefault(node)
     return list(order)
-
-
-def _names(file: GltfFile, joints: list[int]) -> list[str]:
-    """A name for each bone, unique."""
-    names: dict[str, None] = {}
-    given = {file.document.nodes[node].name for node in joints}
-    nameless = []
-    for node in joints:
-        original = file.document.nodes[node].name
-        if not isinstance(original, str) or not original.strip():
-            original = f"bone_{node}"
-            nameless.append(original)
-        name, number = original, 2
-        while name in names or (name != original and name in given):
-            name, number = f"{original}_{number}", number + 1
-        if name != original:
-            file.warn(f"bone {original!r} is there more than once: one is now {name!r}")
-        names[name] = None
-    if nameless:
-        file.warn(f"{len(nameless)} bones had no name: named by their nodes, as {nameless[0]!r}")
-    return list(names)
 
 
 def _bind_rigid(
     file: GltfFile, node: int, bone_of_node: dict[int, int], names: list[str], label: str
 ) -> Binding:
     """A mesh without a skin follows the nearest bone above it."""
-    above = [bone_of_node[n] for n in (node, *file.ancestors(node)) if n in bone_of_node]
-    if not above:
+    line = itertools.chain((node,), file.ancestors(node))
+    bone = next((bone_of_node[n] for n in line if n in bone_of_node), -1)
+    if bone < 0:
         file.warn(f"{label} hangs on no bone: it follows {names[0]!r}")
-    bone = above[0] if above else 0
+        bone = 0
     return Binding(
         label=label,
         bones=np.array([bone]),
@@ -161,7 +151,7 @@ def _armature(
         if parent >= 0:
             offsets[bone] = turns[parent].T @ (origins[bone] - origins[parent])
             local[bone] = turns[parent].T @ turns[bone]
-    ends = _tips(parents, origins, meshes)
+    ends = bone_ends(parents, origins, *_skin_points(meshes))
     return Armature.build(
         file.path.stem,
         names,
@@ -181,54 +171,11 @@ def _nearest_rotations(matrices: Floats) -> Floats:
     return turns
 
 
-def _tips(parents: list[int], origins: Floats, meshes: tuple[Mesh, ...]) -> Floats:
-    """Where each bone ends, which glTF does not say. -> (B, 3), armature frame
-
-    At the middle of its children's origins; a leaf ends where its own part of the skin does, seen
-    along the direction in which most of that skin lies, or goes on as its parent did.
-    """
-    points, owners = [np.zeros((0, 3))], [np.zeros(0, int)]
+def _skin_points(meshes: tuple[Mesh, ...]) -> tuple[Floats, NDArray[np.intp]]:
+    """Where the skin is, and the bone that has most to say at each place. -> (V, 3), (V,)"""
+    points, owners = [np.zeros((0, 3))], [np.zeros(0, np.intp)]
     for mesh in meshes:
         points.append(mesh.positions.astype(float))
         strongest = mesh.weights.argmax(axis=1)[:, None]
-        owners.append(np.take_along_axis(mesh.bones, strongest, axis=1)[:, 0].astype(int))
-    skin, owner = np.concatenate(points), np.concatenate(owners)
-    order = np.argsort(owner, kind="stable")
-    skin, bounds = skin[order], np.searchsorted(owner[order], np.arange(len(origins) + 1))
-
-    everything = np.concatenate([origins, skin])
-    size = float(np.ptp(everything, axis=0).max()) or 1.0
-    children: list[list[int]] = [[] for _ in parents]
-    for bone, parent in enumerate(parents):
-        if parent >= 0:
-            children[parent].append(bone)
-    ends = np.empty_like(origins)
-    for bone, parent in enumerate(parents):
-        onwards = np.zeros(3) if parent < 0 else ends[parent] - origins[parent]
-        if parent >= 0 and not children[bone]:
-            onwards = origins[bone] - origins[parent]
-        if children[bone]:
-            middle = origins[children[bone]].mean(axis=0)
-            if np.linalg.norm(middle - origins[bone]) > 1e-3 * size:
-                ends[bone] = middle
-                continue
-        around = skin[bounds[bone] : bounds[bone + 1]] - origins[bone]
-        ends[bone] = origins[bone] + _reach(around, onwards, size)
-    return ends
-
-
-def _reach(around: Floats, onwards: Floats, size: float) -> Floats:
-    """From a bone's origin to its end, judged by the skin around it. (V, 3), (3,) -> (3,)"""
-    if len(around):
-        centre = around.mean(axis=0)
-        spread = float(np.sqrt(((around - centre) ** 2).sum(axis=1).mean()))
-        direction = centre if np.linalg.norm(centre) > 0.3 * spread else onwards
-        length = float(np.linalg.norm(direction))
-        if length > 1e-4 * size:
-            reach = float((around @ direction).max()) / length
-            if reach > 1e-3 * size:
-                return direction / length * reach
-    length = float(np.linalg.norm(onwards))
-    if length > 1e-4 * size:
-        return onwards
-    return np.array([0.0, 0.05 * size, 0.0])
+        owners.append(np.take_along_axis(mesh.bones, strongest, axis=1)[:, 0].astype(np.intp))
+    return np.concatenate(points), np.concatenate(owners)

@@ -35,12 +35,14 @@ _DTYPES: Final = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4
 _WIDTHS: Final = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "MAT4": 16}
 #: More elements than any puppet has; a damaged count must not ask for all the memory.
 _MOST_ELEMENTS: Final = 20_000_000
+#: Of a cycle, the nodes that are named.
+_NAMED: Final = 12
 
 
 class GltfFile:
     """The file at `path`.
 
-    document: pygltflib's view of it. warnings: what was repaired, one sentence each, for people.
+    document: pygltflib's view of it. warnings: what was repaired, a sentence each, for people.
 
     Raises BadFileError if it is missing, empty, cut off, something else than glTF 2, or packed by
     an extension.
@@ -48,7 +50,7 @@ class GltfFile:
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        self.warnings: list[str] = []
+        self._said: dict[str, None] = {}
         self.document = _parse(path, _read(path, "the armature"))
         self._buffers: dict[int, bytes] = {}
         version = getattr(self.document.asset, "version", None)
@@ -75,8 +77,12 @@ class GltfFile:
 
     def warn(self, text: str) -> None:
         """Keep a sentence about a repair, once."""
-        if text not in self.warnings:
-            self.warnings.append(text)
+        self._said.setdefault(text)
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What was said, in order."""
+        return tuple(self._said)
 
     def item(self, items: Sequence[Item], index: object, kind: str) -> Item:
         """``items[index]``. Raises BadFileError if the document points at nothing."""
@@ -93,7 +99,7 @@ class GltfFile:
 
     @cached_property
     def parents(self) -> list[int]:
-        """For each node the node it hangs on, or -1. Raises BadFileError for a cycle."""
+        """For each node the node it hangs on, or -1."""
         nodes = self.document.nodes
         parents = [-1] * len(nodes)
         for index, node in enumerate(nodes):
@@ -103,13 +109,35 @@ class GltfFile:
                     self.warn(f"node {child} hangs on several nodes; it stays on the first")
                 else:
                     parents[child] = index
-        for index in range(len(nodes)):
-            node, steps = index, 0
-            while node >= 0:
-                node, steps = parents[node], steps + 1
-                if steps > len(nodes):
-                    raise self.bad(f"nodes[{index}]", "a node is its own ancestor")
         return parents
+
+    @cached_property
+    def _parents_first(self) -> list[int]:
+        """All nodes, each after the one that it hangs on. Raises BadFileError for a cycle."""
+        order = [node for node, parent in enumerate(self.parents) if parent < 0]
+        below: dict[int, list[int]] = {}
+        for node, parent in enumerate(self.parents):
+            below.setdefault(parent, []).append(node)
+        for node in order:  # it grows while we walk it
+            order.extend(below.get(node, ()))
+        if len(order) < len(self.parents):
+            node = min(set(range(len(self.parents))) - set(order))
+            line: dict[int, None] = {}
+            while node not in line:
+                line[node] = None
+                node = self.parents[node]
+            cycle = [*list(line)[list(line).index(node) :], node]
+            raise self.bad(
+                f"nodes[{node}]",
+                "a node is its own ancestor",
+                found=" → ".join(self.node_name(n) for n in reversed(cycle[:_NAMED])),
+                hint="export it again: no program can draw a hierarchy that goes round",
+            )
+        return order
+
+    def node_name(self, index: int) -> str:
+        """What to call a node before people."""
+        return str(self.document.nodes[index].name or f"node {index}")
 
     @cached_property
     def shown(self) -> list[int]:
@@ -119,10 +147,14 @@ class GltfFile:
             return list(range(len(self.document.nodes)))
         scene = self.item(scenes, self.document.scene or 0, "scenes")
         inside = set(scene.nodes or ())
-        return [node for node in range(len(self.parents)) if inside & {node, *self.ancestors(node)}]
+        for node in self._parents_first:
+            if self.parents[node] in inside:
+                inside.add(node)
+        return sorted(inside & set(range(len(self.parents))))
 
     def ancestors(self, node: int) -> Iterator[int]:
-        """The node's parent, its parent, and so on."""
+        """The node's parent, its parent, and so on. Raises BadFileError if the file has a cycle."""
+        _ = self._parents_first
         while (node := self.parents[node]) >= 0:
             yield node
 
@@ -130,15 +162,9 @@ class GltfFile:
     def world_matrices(self) -> Floats:
         """(N, 4, 4) scene_from_node as the file leaves the nodes, that is, at rest."""
         world = np.zeros((len(self.parents), 4, 4))
-        done = np.zeros(len(self.parents), bool)
-        for index in range(len(self.parents)):
-            path = [index, *self.ancestors(index)]
-            for node in reversed(path):
-                if not done[node]:
-                    local = self._local_matrix(node)
-                    parent = self.parents[node]
-                    world[node] = local if parent < 0 else world[parent] @ local
-                    done[node] = True
+        for node in self._parents_first:
+            local, parent = self._local_matrix(node), self.parents[node]
+            world[node] = local if parent < 0 else world[parent] @ local
         return world
 
     def _local_matrix(self, index: int) -> Floats:
