@@ -21,8 +21,8 @@ _JOINT: Final = Material("joint", (0.80, 0.30, 0.16, 1.0), roughness=0.45)
 #: The outline of a rod: how far along, and how thick there, as a part of its thickest.
 _OUTLINE: Final = np.array([(0.0, 0.45), (0.06, 0.8), (0.16, 1.0), (0.32, 0.9), (1.0, 0.38)])
 #: A rod's thickness as a part of its length, and its least and most as parts of the armature.
-_THICK: Final = 0.095
-_THINNEST, _THICKEST = 0.005, 0.024
+_THICK: Final = 0.11
+_THINNEST, _THICKEST = 0.009, 0.03
 #: A ball is so much larger than the thickest rod that meets in it.
 _BALL: Final = 0.82
 #: Rods shorter than this part of the armature are not drawn.

@@ -276,12 +276,13 @@ def _unique(names: list[str], warnings: list[str]) -> tuple[str, ...]:
     """Number the repeated names, Blender's way: Hand, Hand.001."""
     taken = set(names)
     seen: set[str] = set()
+    numbers: dict[str, int] = {}
     result: list[str] = []
     for name in names:
-        unique, number = name, 0
-        while unique in seen or (number and unique in taken):
-            number += 1
-            unique = f"{name}.{number:03d}"
+        unique = name
+        while unique in seen or (unique != name and unique in taken):
+            numbers[name] = numbers.get(name, 0) + 1
+            unique = f"{name}.{numbers[name]:03d}"
         if unique != name:
             warnings.append(f"two joints are called {name}; the second is now {unique}")
         seen.add(unique)

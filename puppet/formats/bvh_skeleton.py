@@ -82,7 +82,7 @@ def bvh_to_skeleton(motion: BvhMotion, *, rate: float = 60.0) -> Performance:
     body = _Body(motion.every(stride))
     positions, states = body.skeleton()
     unit, unit_note = guess_unit(body.height)
-    stage_from_file, up_note = _upright(positions)
+    stage_from_file, up_note = upright(positions)
     positions = stage_from_file.apply(positions.reshape(-1, 3)).reshape(positions.shape) * unit
     positions, heading = _facing_front(positions)
     frames_a_second = round(1.0 / (motion.frame_time * stride), 2)
@@ -107,15 +107,13 @@ def bvh_to_skeleton(motion: BvhMotion, *, rate: float = 60.0) -> Performance:
     )
 
 
-def guess_frame(motion: BvhMotion) -> tuple[float, Rotation]:
-    """Metres in one unit of a human BVH, and the turn from its axes to +Y up.
+def human_joints(motion: BvhMotion) -> tuple[Floats, float]:
+    """(F, 20, 3) the Kinect's joints in the file's units and axes, and how tall the human is.
 
     Raises BadFileError that names the joints that are not found.
     """
     body = _Body(motion)
-    unit, _ = guess_unit(body.height)
-    stage_from_file, _ = _upright(body.skeleton()[0])
-    return unit, stage_from_file
+    return body.skeleton()[0], body.height
 
 
 def guess_unit(height: float) -> tuple[float, str]:
@@ -309,7 +307,7 @@ def _distance(a: Floats, b: Floats) -> float:
     return float(np.nanmedian(np.linalg.norm(a - b, axis=1)))
 
 
-def _upright(positions: Floats) -> tuple[Rotation, str]:
+def upright(positions: Floats) -> tuple[Rotation, str]:
     """The turn that makes +Y up, and a note. Up is the axis nearest to where heads are from feet.
 
     positions: (F, 20, 3) in the file's axes.
@@ -339,9 +337,14 @@ def _facing_front(positions: Floats) -> tuple[Floats, float]:
     if len(whole) == 0:
         return positions, 0.0
     first = positions[whole[0]]
-    left = first[Joint.HIP_LEFT] - first[Joint.HIP_RIGHT]
-    left = left + first[Joint.SHOULDER_LEFT] - first[Joint.SHOULDER_RIGHT]
-    heading = float(np.arctan2(-left[2], left[0]))  # the turn about +Y from +Z to where they face
+    heading = heading_of(first)
     turn = Rotation.from_euler("y", -heading)
     moved = positions - first[Joint.HIP_CENTER] * (1.0, 0.0, 1.0)
     return turn.apply(moved.reshape(-1, 3)).reshape(moved.shape), -float(np.degrees(heading))
+
+
+def heading_of(positions: Floats) -> float:
+    """The turn about +Y, rad, from +Z to where the human faces. (20, 3), +Y up"""
+    left = positions[Joint.HIP_LEFT] - positions[Joint.HIP_RIGHT]
+    left = left + positions[Joint.SHOULDER_LEFT] - positions[Joint.SHOULDER_RIGHT]
+    return float(np.arctan2(-left[2], left[0]))

@@ -19,7 +19,7 @@ from scipy.spatial.transform import Rotation
 from puppet.armature import Armature
 from puppet.errors import BadFileError
 from puppet.formats.bone_ends import bone_ends
-from puppet.formats.bone_names import unique_names
+from puppet.formats.bone_names import listed, unique_names
 from puppet.formats.gltf_file import GltfFile
 from puppet.formats.gltf_material import Surface, read_surface
 from puppet.formats.gltf_skin import Binding, bind_skin, joined, read_primitive
@@ -28,6 +28,8 @@ from puppet.kernel import Floats
 from puppet.mesh import Mesh, Model
 
 _NO_SKIN: Final = "in Blender: parent the mesh to an armature, and export with Skinning on"
+#: Scales that are nearer to 1 than this are rounding.
+_SCALED: Final = 0.01
 #: What 16-bit joint indices can tell apart.
 MOST_BONES: Final = 65_535
 
@@ -83,7 +85,7 @@ def _load(file: GltfFile) -> Model:
         if node.skin is None:
             binding = _bind_rigid(file, node_index, bone_of_node, names, label)
         else:
-            binding = bind_skin(file, node.skin, bone_of_node, label)
+            binding = bind_skin(file, node.skin, bone_of_node, names, label)
         if any(mesh.weights or ()):
             file.warn(f"{label} has shape keys that are switched on: they are not used")
         for primitive in mesh.primitives:
@@ -123,6 +125,7 @@ def _bind_rigid(
         bone = 0
     return Binding(
         label=label,
+        names=(names[bone],),
         bones=np.array([bone]),
         matrices=file.world_matrices[node][None],
         origins=np.zeros((1, 3)),
@@ -146,6 +149,7 @@ def _armature(
         next((bone_of_node[n] for n in file.ancestors(node) if n in bone_of_node), -1)
         for node in joints
     ]
+    _say_odd(file, names, parents, world)
     offsets, local = origins.copy(), turns.copy()
     for bone, parent in enumerate(parents):
         if parent >= 0:
@@ -160,6 +164,21 @@ def _armature(
         Rotation.from_matrix(local).as_quat(canonical=True),
         np.einsum("bji,bj->bi", turns, ends - origins),
     )
+
+
+def _say_odd(file: GltfFile, names: list[str], parents: list[int], world: Floats) -> None:
+    """Warn of several roots and of scales, which do no harm any more."""
+    roots = [name for name, parent in zip(names, parents, strict=True) if parent < 0]
+    if len(roots) > 1:
+        file.warn(f"it has {len(roots)} roots, which are moved as one: {listed(roots)}")
+    scale = np.linalg.norm(world[:, :3, :3], axis=1).mean(axis=1)
+    above = np.array(parents)
+    own = scale / np.where(above >= 0, np.maximum(scale[above], 1e-12), 1.0)
+    odd = np.flatnonzero(np.abs(own - 1.0) > _SCALED)
+    if len(odd):
+        most = own[odd][np.abs(np.log(np.maximum(own[odd], 1e-12))).argmax()]
+        told = listed([names[bone] for bone in odd])
+        file.warn(f"bones were scaled, by up to ×{most:.3g}, which is baked away: {told}")
 
 
 def _nearest_rotations(matrices: Floats) -> Floats:

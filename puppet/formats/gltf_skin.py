@@ -7,19 +7,22 @@ needs.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
+from puppet.formats.bone_names import listed
 from puppet.formats.gltf_file import GltfFile
 from puppet.formats.gltf_material import Surface
 from puppet.kernel import Floats
 from puppet.mesh import Mesh
 
 _INFLUENCES: Final = 4
+#: How far a bone may rest from where it was bound, as a part of a turn or of the skin's size.
+_MOVED: Final = 0.02
 _TRIANGLES, _STRIP, _FAN = 4, 5, 6
 
 
@@ -27,13 +30,15 @@ _TRIANGLES, _STRIP, _FAN = 4, 5, 6
 class Binding:
     """How the vertices of one mesh node reach the rest pose.
 
-    label: the mesh, for people. bones: (J,) the armature's bone for each joint of the skin.
+    label: the mesh, for people; names: J, the bones. bones: (J,) the armature's bone for each joint
+    of the skin.
     matrices: (J, 4, 4) armature_from_mesh at rest, for a vertex that follows joint j alone.
     origins: (J, 3) where the joints are in the mesh's own frame.
     rigid: the mesh has no skin and follows ``bones[0]``.
     """
 
     label: str
+    names: tuple[str, ...]
     bones: NDArray[np.intp]
     matrices: Floats
     origins: Floats
@@ -41,10 +46,16 @@ class Binding:
 
 
 def bind_skin(
-    file: GltfFile, skin_index: int, bone_of_node: Mapping[int, int], label: str
+    file: GltfFile,
+    skin_index: int,
+    bone_of_node: Mapping[int, int],
+    bone_names: Sequence[str],
+    label: str,
 ) -> Binding:
     """The binding of a skin at rest. Inverse bind matrices that make no sense are replaced."""
     skin = file.item(file.document.skins, skin_index, "skins")
+    bones = np.array([bone_of_node[node] for node in skin.joints], np.intp)
+    names = tuple(bone_names[bone] for bone in bones)
     rest = file.world_matrices[skin.joints]
     inverse_bind = np.linalg.pinv(rest)
     if skin.inverseBindMatrices is None:
@@ -57,14 +68,38 @@ def bind_skin(
             if usable and np.linalg.matrix_rank(stored[joint][:3, :3]) == 3:
                 inverse_bind[joint] = stored[joint]
             else:
-                name = file.document.nodes[skin.joints[joint]].name or skin.joints[joint]
-                file.warn(f"bone {name!r} had no usable bind matrix: bound where it is at rest")
-    return Binding(
+                what = "had no usable bind matrix: bound where it is at rest"
+                file.warn(f"bone {names[joint]!r} {what}")
+    binding = Binding(
         label=label,
-        bones=np.array([bone_of_node[node] for node in skin.joints], np.intp),
+        names=names,
+        bones=bones,
         matrices=rest @ inverse_bind,
         origins=np.linalg.pinv(inverse_bind)[:, :3, 3],
     )
+    if skin.inverseBindMatrices is not None:
+        _say_moved(file, skin.joints, binding)
+    return binding
+
+
+def _say_moved(file: GltfFile, joints: Sequence[int], binding: Binding) -> None:
+    """Warn of bones that rest otherwise, seen from their parents, than they were bound."""
+    joint_of = {node: joint for joint, node in enumerate(joints)}
+    above = [next((joint_of[n] for n in file.ancestors(n) if n in joint_of), -1) for n in joints]
+    own = np.flatnonzero(np.array(above) >= 0)
+    if len(own) == 0:
+        return
+    parent = np.array(above)[own]
+    change = binding.matrices[own] - binding.matrices[parent]
+    turned = np.linalg.norm(change[:, :3, :3], axis=(1, 2))
+    size = np.linalg.norm(binding.matrices[parent][:, :3, :3], axis=(1, 2))
+    moved = np.einsum("jik,jk->ji", change[:, :3, :3], binding.origins[own]) + change[:, :3, 3]
+    far = np.linalg.norm(moved, axis=1)
+    reach = float(np.ptp(binding.origins, axis=0).max()) * size
+    odd = own[(turned > _MOVED * size) | (far > _MOVED * reach)]
+    if len(odd):
+        names = listed([binding.names[joint] for joint in odd])
+        file.warn(f"bones do not rest where they were bound, and take their skin along: {names}")
 
 
 def read_primitive(
@@ -235,7 +270,10 @@ def _influences(
     index, weight = np.concatenate(indices, axis=1), np.concatenate(strengths, axis=1)
     unusable = ~np.isfinite(weight) | (weight < 0.0)
     if unusable.any():
-        file.warn(f"{label} had {int(unusable.sum())} weights that are no weights: taken as 0")
+        told = _named(binding, index[unusable])
+        file.warn(
+            f"{label} had {int(unusable.sum())} weights that are no weights, of {told}: taken as 0"
+        )
         weight = np.where(unusable, 0.0, weight)
     nowhere = (index < 0) | (index >= len(binding.bones))
     if (nowhere & (weight > 0.0)).any():
@@ -246,12 +284,15 @@ def _influences(
     total = weight.sum(axis=1)
     bare = total <= 1e-6
     if bare.any():
-        file.warn(f"{label} had {int(bare.sum())} vertices without a bone: each took the nearest")
         nearest = [
             int(np.linalg.norm(binding.origins - place, axis=1).argmin())
             for place in np.nan_to_num(positions[bare])
         ]
         index[bare, 0], weight[bare, 0] = nearest, 1.0
+        told = _named(binding, index[bare, 0])
+        file.warn(
+            f"{label} had {int(bare.sum())} vertices without a bone: each took the nearest, {told}"
+        )
     # Bytes cannot express a sum of exactly 1, so only what a viewer would show is worth a word.
     if (np.abs(total[~bare] - 1.0) > 0.02).any():
         file.warn(f"{label} had weights that do not sum to 1: scaled")
@@ -260,3 +301,9 @@ def _influences(
     index = np.take_along_axis(index, strongest, axis=1)
     weight = np.take_along_axis(weight, strongest, axis=1)
     return index, weight / weight.sum(axis=1, keepdims=True)
+
+
+def _named(binding: Binding, joints: NDArray[np.int64]) -> str:
+    """The bones of some joints, for people."""
+    known = np.unique(joints[(joints >= 0) & (joints < len(binding.names))])
+    return listed([binding.names[joint] for joint in known]) or "no bone"

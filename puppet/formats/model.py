@@ -64,8 +64,9 @@ def _visible(path: Path, armature: Armature, warnings: tuple[str, ...]) -> Model
 
 
 def _read_bvh(path: Path) -> Bare:
-    motion = read_bvh(path)
-    return bvh_armature(motion), motion.warnings
+    motion, notes = read_bvh(path), list[str]()
+    armature = bvh_armature(motion, notes.append)
+    return armature, (*motion.warnings, *notes)
 
 
 def _read_xml(path: Path) -> Bare:

@@ -177,9 +177,11 @@ def _parents_first(
             found=listed(roots),
             hint="join them with a joint of type fixed, or leave the loose links out",
         )
-    order: list[tuple[str, _Joint | None]] = [(root, None) for root in roots]
-    for link, _ in order:  # it grows while we walk it
-        order.extend((joint.child, joint) for joint in below.get(link, ()))
+    order: list[tuple[str, _Joint | None]] = []
+    waiting: list[tuple[str, _Joint | None]] = [(root, None) for root in roots]
+    while waiting:
+        order.append(waiting.pop())
+        waiting.extend((one.child, one) for one in reversed(below.get(order[-1][0], [])))
     if len(order) < len(links):
         link = next(iter(links.keys() - {link for link, _ in order}))
         line: dict[str, None] = {}
