@@ -189,6 +189,76 @@ def test_bending_keeps_the_skin_whole(name: str, puppets: dict[str, Puppet]) -> 
         assert (after - before).max() < 0.15 * armature.size
 
 
+def test_only_the_middle_of_the_fish_differs_from_its_human_bone_in_freedom(
+    puppets: dict[str, Puppet],
+) -> None:
+    """The human pelvis has 3 degrees, other human bones 2; a free bone can follow either."""
+    fish = puppets["fish"].model.armature
+    free = np.isinf(fish.lower).all(axis=1) & np.isinf(fish.upper).all(axis=1)
+    freedoms = dict(zip(fish.names, fish.freedoms.tolist(), strict=True))
+    assert freedoms.pop("middle") == 2
+    assert free[[fish.index(bone) for bone in freedoms]].all()
+
+
+def test_the_lamp_bends_at_bolts_along_z(puppets: dict[str, Puppet]) -> None:
+    lamp = puppets["lamp"].model.armature
+    for bone in lamp.names[1:]:
+        turns = lamp.upper[lamp.index(bone)] > lamp.lower[lamp.index(bone)]
+        assert turns.tolist() == [False, False, True], bone
+
+
+@pytest.mark.parametrize("name", CAST)
+def test_left_and_right_bones_turn_as_in_a_mirror(name: str, puppets: dict[str, Puppet]) -> None:
+    """About x alike, about y and z the other way round."""
+    armature = puppets[name].model.armature
+    for bone, side in enumerate(armature.sides):
+        if side == "L":
+            other = armature.index(armature.names[bone].removesuffix("L") + "R")
+            flip = np.array([1.0, -1.0, -1.0])
+            bounds = np.sort([armature.lower[other] * flip, armature.upper[other] * flip], axis=0)
+            np.testing.assert_array_equal(bounds, [armature.lower[bone], armature.upper[bone]])
+            assert armature.limits[bone] == armature.limits[other]
+
+
+def test_the_seagull_with_a_master_is_the_seagull_and_a_handle_for_both_wings(
+    puppets: dict[str, Puppet],
+) -> None:
+    mastered = load_puppet(ARMATURES / "seagull_with_master.toml")
+    assert mastered.traits.masters == {"wings": ("wing_tip.L", "wing_tip.R")}
+    assert mastered.traits.bones == puppets["seagull"].traits.bones
+    assert mastered.traits.grounded
+    assert puppets["seagull"].traits.masters == {}
+
+
+@pytest.mark.parametrize(
+    "truth", sorted(ARMATURES.glob("*.truth.toml")), ids=lambda path: path.name.split(".")[0]
+)
+def test_what_is_said_to_be_right_is_about_bones_that_there_are(truth: Path) -> None:
+    said = tomllib.loads(truth.read_text())
+    armature = load_puppet(ARMATURES / said["rig"]).model.armature
+    names = set(armature.names)
+    leaves = {
+        bone for bone, below in zip(armature.names, armature.children, strict=True) if not below
+    }
+    forward, inverse = said["fk"], said["ik"]
+    assert set(forward["expect"]) | set(forward["unmapped"]) <= names
+    assert {bone for limb in forward["ordered"] for bone in limb} <= names
+    assert set(inverse["expect"]) | set(inverse["unmapped"]) <= leaves | set(
+        inverse.get("masters", {})
+    )
+
+
+@pytest.mark.skipif(not FACTS.exists(), reason="the facts file is not here")
+@pytest.mark.parametrize("name", [*CAST, "seagull_with_master"])
+def test_what_is_said_to_be_right_is_what_was_published(name: str) -> None:
+    published = tomllib.loads(FACTS.read_text())[name]
+    said = tomllib.loads((ARMATURES / f"{name}.truth.toml").read_text())[published["mode"]]
+    assert said["expect"] == published["expect"]
+    assert said["unmapped"] == published.get("unmapped", [])
+    assert sorted(said.get("ordered", [])) == sorted(published.get("ordered", []))
+    assert said.get("masters", {}) == published.get("masters", {})
+
+
 def test_arms_up_open_the_fish() -> None:
     """Its fins hang at rest, and at their limit they point above the horizontal."""
     armature = load_puppet(ARMATURES / "fish.glb").model.armature

@@ -9,7 +9,7 @@ import numpy as np
 from cast.blend import Blend, Limb, limb, lump
 from cast.face import eye, stroke
 from cast.puppet_glb import Paint, PuppetFile
-from cast.surface import Floats, Surface, smoothstep
+from cast.surface import Floats, Surface, smoothstep, spline, turned
 
 GREEN = Paint("green", "#6cbf2c", 0.4)
 FOREST = Paint("forest", "#2b7d3a", 0.42)
@@ -63,6 +63,7 @@ def build() -> PuppetFile:
     order += [*(f"tail.{k}" for k in range(1, 4)), "tail"]
     puppet = PuppetFile("snake", {bone: (parents[bone], _at(ORIGINS[bone])) for bone in order})
     _skin(puppet)
+    _tail_tip(puppet)
     _face(puppet)
     return puppet
 
@@ -130,10 +131,26 @@ def _skin(puppet: PuppetFile) -> None:
     along = _passed(back)
     off = ((along / 0.125) % 1.0 - 0.5) * 0.125
     spot = 1.0 - (off / 0.043) ** 2 - 2.6 * (1.0 + _belly(back))
-    spot = np.where((along > 0.10) & (along < 1.70), spot, -1.0)
+    spot = np.where((along > 0.13) & (along < 1.70), spot, -1.0)
     spots, plain = back.cut(spot)
     puppet.add(spots, FOREST, snake.weights)
     puppet.add(plain, GREEN, snake.weights)
+
+
+def _tail_tip(puppet: PuppetFile) -> None:
+    """A dark point over the end of the tail, which is too thin for the skin's own triangles."""
+    tapering = [
+        (0.0295, 0.000),
+        (0.0300, 0.020),
+        (0.0285, 0.048),
+        (0.0230, 0.076),
+        (0.0150, 0.102),
+        (0.0070, 0.122),
+        (0.0000, 0.130),
+    ]
+    profile = [(0.024, 0.0), *((max(float(r), 0.0), float(h)) for r, h in spline(tapering, 12))]
+    start, end = np.array(_at(0.06)), np.array(_at(0.0))
+    puppet.add(turned(profile, origin=start, axis=end - start, sides=16), FOREST, "tail")
 
 
 def _face(puppet: PuppetFile) -> None:
