@@ -1,17 +1,16 @@
 """Inverse kinematics of a whole armature at once: damped least squares on its end effectors.
 
-Each iteration asks which small turns of the bones would move all tips to their goals, as a linear
-problem: ``(J Jᵀ + λ) y = e`` with the errors e of the tips, then ``Jᵀ y`` are the turns. J Jᵀ is
-never built from J: a ball joint at distance r from one tip and t from another adds the block
-``(r·t) I − t rᵀ``, so that it is a sum over what two paths share.
-
-What makes it steady enough to be looked at:
+Each iteration asks which small turns of the bones would move all tips to where they should be, as
+a linear problem (`normal_equations.py`). What makes it steady enough to be looked at:
 
 * it always starts from the pose that the mapping gave, and remembers nothing: no drift;
 * it always does the same number of iterations: to stop at a tolerance is to jitter about it;
-* the damping λ is counted in J Jᵀ's own size and grows with the errors: far goals are approached
-  in steps that the linear problem can answer for, and what cannot be reached does not thrash;
-* what is out of reach is asked for less (`reach.py`);
+* the tips are led to their goals in even steps, round the point that they hang on, so that every
+  problem is nearly linear and a far goal is reached by the same way as the near ones beside it;
+* the damping is counted in the problem's own size and grows with the errors: what cannot be
+  reached does not thrash, and a puppet a hundred times as large turns alike;
+* what is out of reach is asked for less (`reach.py`), and a chain that is straight is bent a
+  little to a side of its own before it is asked to fold (`straight_chains.py`);
 * a turn that would pass a limit ends on it, and the other bones are asked again with that known.
   Both answers are the same just where a limit begins to matter, so nothing jumps there.
 """
@@ -25,165 +24,89 @@ import numpy as np
 
 from puppet.armature import Armature
 from puppet.errors import PuppetError
-from puppet.kernel import Floats, Ints, kernel
+from puppet.kernel import Floats, Ints, frozen, kernel
 from puppet.pose import Intent, Pose, _forward
-from puppet.rotation import IDENTITY, conjugate, exp, log, multiply, normalized, rotate, shortest
+from puppet.rotation import (
+    IDENTITY,
+    conjugate,
+    exp,
+    log,
+    multiply,
+    rotate,
+    shortest,
+    swing,
+)
 from puppet.solvers.effector_paths import EffectorPaths
 from puppet.solvers.joint_limits import BOUNDED, FREE, Bounds, clamp, clamp_bones
+from puppet.solvers.normal_equations import (
+    assemble,
+    fill_columns,
+    fill_steps,
+    solve,
+    take_stopped,
+    turn_axes,
+)
 from puppet.solvers.reach import EASY, soft_distance
+from puppet.solvers.straight_chains import bend_straight_chains, distance
 
+#: The share of the iterations that lead the tips on their way; the others bring them to rest.
+_LEADING = 0.75
 #: Damping, as a share of the mean of J Jᵀ's diagonal: always, and for errors as large as the reach.
-_DAMPING, _ERROR_DAMPING = 1e-3, 3.0
+_DAMPING, _ERROR_DAMPING = 1e-3, 1.0
 #: Radians. All turns of one iteration together (root of the sum of squares) stay below.
-_MOST = 1.0
-#: Radians, by how much in all a straight chain is bent that shall fold to nothing.
-_BEND = 1.5
+_MOST = 3.0
 
-_ORIGIN = np.zeros(3)
-_ORIGIN.setflags(write=False)
+_ORIGIN = frozen(np.zeros(3))
 
 
 @kernel
-def _tips(effectors: Ints, ends: Floats, origins: Floats, frames: Floats, tips: Floats) -> None:
-    for e in range(len(effectors)):
-        bone = effectors[e]
-        tips[e] = origins[bone] + rotate(frames[bone], ends[bone])
-
-
-@kernel
-def _turn_axes(above: Floats, vector: Floats, axes: Floats) -> None:
-    """How a bone turns as its rotation vector's components grow: axes (3, 3), a row for each."""
-    angle2 = vector[0] ** 2 + vector[1] ** 2 + vector[2] ** 2
-    if angle2 < 1e-8:
-        first, second = 0.5, 1.0 / 6.0
-    else:
-        angle = math.sqrt(angle2)
-        first = (1.0 - math.cos(angle)) / angle2
-        second = (angle - math.sin(angle)) / (angle2 * angle)
-    for i in range(3):
-        unit = np.zeros(3)
-        unit[i] = 1.0
-        once = np.cross(vector, unit)
-        axes[i] = rotate(above, unit + first * once + second * np.cross(vector, once))
-
-
-@kernel
-def _columns(
-    starts: Ints,
-    path: Ints,
+def _place(
+    parents: Ints,
+    offsets: Floats,
+    rests: Floats,
+    ends: Floats,
     kinds: Ints,
-    lower: Floats,
-    upper: Floats,
+    active: Ints,
+    effectors: Ints,
+    origin: Floats,
+    upright: Floats,
+    turns: Floats,
+    bones: Floats,
     origins: Floats,
-    axes: Floats,
+    frames: Floats,
     tips: Floats,
-    columns: Floats,
 ) -> None:
-    """For each bone of each path the arm from it to the tip, or how its axes move the tip."""
-    for e in range(len(tips)):
-        for k in range(starts[e], starts[e + 1]):
-            bone = path[k]
-            arm = tips[e] - origins[bone]
-            if kinds[bone] == FREE:
-                columns[k, 0] = arm
-                continue
-            for i in range(3):
-                if upper[bone, i] > lower[bone, i]:
-                    columns[k, i] = np.cross(axes[bone, i], arm)
-                else:
-                    columns[k, i] = 0.0
+    """Forward kinematics, in the armature's frame; bounded bones are as `turns`, (B, 3), says."""
+    for bone in active:
+        if kinds[bone] == BOUNDED:
+            bones[bone] = multiply(rests[bone], exp(turns[bone]))
+    _forward(parents, offsets, origin, upright, bones, origins, frames)
+    for e in range(len(effectors)):
+        tips[e] = origins[effectors[e]] + rotate(frames[effectors[e]], ends[effectors[e]])
 
 
 @kernel
-def _assemble(
-    starts: Ints,
-    path: Ints,
-    shared: Ints,
-    kinds: Ints,
-    stopped: Ints,
-    columns: Floats,
-    scale: Floats,
-    system: Floats,
-) -> None:
-    """The lower triangle of J Jᵀ, without the bones that are stopped. (3E, 3E)"""
-    for e in range(len(scale)):
-        for f in range(e + 1):
-            block = np.zeros((3, 3))
-            for step in range(shared[e, f]):
-                a, b = starts[e] + step, starts[f] + step
-                bone = path[a]
-                if stopped[bone]:
-                    continue
-                if kinds[bone] == FREE:
-                    dot = 0.0
-                    for i in range(3):
-                        dot += columns[a, 0, i] * columns[b, 0, i]
-                        for j in range(3):
-                            block[i, j] -= columns[b, 0, i] * columns[a, 0, j]
-                    for i in range(3):
-                        block[i, i] += dot
-                else:
-                    for axis in range(3):
-                        for i in range(3):
-                            for j in range(3):
-                                block[i, j] += columns[a, axis, i] * columns[b, axis, j]
-            for i in range(3):
-                for j in range(3):
-                    system[3 * e + i, 3 * f + j] = scale[e] * scale[f] * block[i, j]
+def _turn_free_bone(above: Floats, step: Floats, bone: Floats) -> None:
+    """Turn `bone`, (4,) parent_from_bone, by `step`, (3,) rad in the armature's frame, in place.
 
-
-@kernel
-def _solve(system: Floats, damping: float, values: Floats) -> None:
-    """Cholesky of the lower triangle of `system` + damping; `values` become the solution."""
-    count = len(values)
-    for j in range(count):
-        total = system[j, j] + damping
-        for k in range(j):
-            total -= system[j, k] ** 2
-        system[j, j] = math.sqrt(total)
-        for i in range(j + 1, count):
-            total = system[i, j]
-            for k in range(j):
-                total -= system[i, k] * system[j, k]
-            system[i, j] = total / system[j, j]
-    for i in range(count):
-        total = values[i]
-        for k in range(i):
-            total -= system[i, k] * values[k]
-        values[i] = total / system[i, i]
-    for i in range(count - 1, -1, -1):
-        total = values[i]
-        for k in range(i + 1, count):
-            total -= system[k, i] * values[k]
-        values[i] = total / system[i, i]
-
-
-@kernel
-def _steps(
-    starts: Ints,
-    path: Ints,
-    kinds: Ints,
-    stopped: Ints,
-    columns: Floats,
-    scale: Floats,
-    forces: Floats,
-    steps: Floats,
-) -> None:
-    """Jᵀ y: each bone's turn, about the armature's axes if it is free, else about its own."""
-    for k in range(len(path)):
-        if not stopped[path[k]]:
-            steps[path[k]] = 0.0
-    for e in range(len(scale)):
-        y = forces[3 * e : 3 * e + 3] * scale[e]
-        for k in range(starts[e], starts[e + 1]):
-            bone = path[k]
-            if stopped[bone]:
-                continue
-            if kinds[bone] == FREE:
-                steps[bone] += np.cross(columns[k, 0], y)
-            else:
-                for i in range(3):
-                    steps[bone, i] += np.dot(columns[k, i], y)
+    above: (4,) armature_from_parent. In scalars, because this is where most of the time would go.
+    """
+    px, py, pz, pw = -above[0], -above[1], -above[2], above[3]
+    sx, sy, sz = step[0], step[1], step[2]
+    tx, ty, tz = 2.0 * (py * sz - pz * sy), 2.0 * (pz * sx - px * sz), 2.0 * (px * sy - py * sx)
+    x = sx + pw * tx + py * tz - pz * ty
+    y = sy + pw * ty + pz * tx - px * tz
+    z = sz + pw * tz + px * ty - py * tx
+    angle = math.sqrt(x * x + y * y + z * z)
+    factor = math.sin(0.5 * angle) / angle if angle > 1e-9 else 0.5
+    x, y, z, w = x * factor, y * factor, z * factor, math.cos(0.5 * angle)
+    bx, by, bz, bw = bone[0], bone[1], bone[2], bone[3]
+    nx = w * bx + x * bw + y * bz - z * by
+    ny = w * by - x * bz + y * bw + z * bx
+    nz = w * bz + x * by - y * bx + z * bw
+    nw = w * bw - x * bx - y * by - z * bz
+    length = math.sqrt(nx * nx + ny * ny + nz * nz + nw * nw)
+    bone[0], bone[1], bone[2], bone[3] = nx / length, ny / length, nz / length, nw / length
 
 
 @kernel
@@ -199,8 +122,8 @@ def _stop_at_limits(
 ) -> bool:
     """Shorten the steps that would pass a limit; those bones are stopped. Whether there are any."""
     some = False
-    for k in range(len(active)):
-        bone = active[k]
+    for bone in active:
+        stopped[bone] = 0
         if kinds[bone] == BOUNDED:
             there = turns[bone] + steps[bone]
             if clamp(there, lower[bone], upper[bone], limits[bone]):
@@ -211,55 +134,12 @@ def _stop_at_limits(
 
 
 @kernel
-def _without_stopped(
-    starts: Ints,
-    path: Ints,
-    stopped: Ints,
-    columns: Floats,
-    scale: Floats,
-    steps: Floats,
-    errors: Floats,
-) -> None:
-    """Take from the errors what the stopped bones' steps make good."""
-    for e in range(len(scale)):
-        for k in range(starts[e], starts[e + 1]):
-            if stopped[path[k]]:
-                for axis in range(3):
-                    for i in range(3):
-                        moved = steps[path[k], axis] * columns[k, axis, i]
-                        errors[3 * e + i] -= scale[e] * moved
-
-
-@kernel
-def _bend_straight_chains(
-    starts: Ints,
-    path: Ints,
-    bends: Floats,
-    bases: Ints,
-    reaches: Floats,
-    kinds: Ints,
-    goals: Floats,
-    scale: Floats,
-    origins: Floats,
-    tips: Floats,
-    turns: Floats,
-    bones: Floats,
-) -> None:
-    for e in range(len(scale)):
-        if scale[e] == 0.0:
-            continue
-        base = origins[bases[e]]
-        now = np.linalg.norm(tips[e] - base)
-        wanted = np.linalg.norm(goals[e] - base)
-        straight = min(max(10.0 * now / reaches[e] - 9.0, 0.0), 1.0)
-        fold = max(1.0 - wanted / max(now, 1e-12), 0.0)
-        angle = _BEND * straight * fold / (starts[e + 1] - starts[e])
-        for k in range(starts[e], starts[e + 1]):
-            bone = path[k]
-            if kinds[bone] == FREE:
-                bones[bone] = multiply(bones[bone], exp(angle * bends[k]))
-            else:
-                turns[bone] += angle * bends[k]
+def _before(befores: Ints, weights: Floats, e: int) -> int:
+    """The effector that `e` hangs on: the nearest on its path that has a goal; -1 for none."""
+    before = int(befores[e])
+    while before >= 0 and weights[before] == 0.0:
+        before = int(befores[before])
+    return before
 
 
 @kernel
@@ -272,14 +152,16 @@ def _reach_for(
     upper: Floats,
     limits: Floats,
     kinds: Ints,
+    mobile: Ints,
     active: Ints,
     effectors: Ints,
-    bases: Ints,
     starts: Ints,
     path: Ints,
     shared: Ints,
     reaches: Floats,
-    bends: Floats,
+    bend_axes: Floats,
+    befores: Ints,
+    order: Ints,
     origin: Floats,
     upright: Floats,
     wishes: Floats,
@@ -287,77 +169,133 @@ def _reach_for(
     iterations: int,
     bones: Floats,
 ) -> None:
-    """Turn `bones`, (B, 4) parent_from_bone, so that the tips come to `wishes`, (E, 3)."""
+    """Turn `bones`, (B, 4) parent_from_bone, so that the tips come to `wishes`, (E, 3) metres."""
     count, tip_count = len(parents), len(effectors)
     origins, frames, tips = np.empty((count, 3)), np.empty((count, 4)), np.empty((tip_count, 3))
     turns, steps, axes = np.zeros((count, 3)), np.zeros((count, 3)), np.zeros((count, 3, 3))
-    columns = np.zeros((len(path), 3, 3))
+    stopped, columns = np.zeros(count, np.int32), np.zeros((len(path), 3, 3))
     system, errors = np.empty((3 * tip_count, 3 * tip_count)), np.empty(3 * tip_count)
-    goals, scale = wishes.copy(), np.sqrt(weights)
+    scale, total_weight = np.sqrt(weights), np.sum(weights)
     clamp_bones(rests, lower, upper, limits, kinds, bones)
-    for k in range(len(active)):
-        bone = active[k]
+    if total_weight == 0.0:
+        return
+    for bone in active:
         if kinds[bone] == BOUNDED:
             turns[bone] = log(shortest(multiply(conjugate(rests[bone]), bones[bone])))
     _forward(parents, offsets, origin, upright, bones, origins, frames)
-    _tips(effectors, ends, origins, frames, tips)
     for e in range(tip_count):
-        if scale[e] > 0.0:
-            base = origins[bases[e]]
-            far = np.linalg.norm(wishes[e] - base)
-            start = max(EASY * reaches[e], min(np.linalg.norm(tips[e] - base), reaches[e]))
-            if far > start:
-                goals[e] = base + (wishes[e] - base) * (soft_distance(far, reaches[e], start) / far)
-    _bend_straight_chains(
-        starts, path, bends, bases, reaches, kinds, goals, scale, origins, tips, turns, bones
+        tips[e] = origins[effectors[e]] + rotate(frames[effectors[e]], ends[effectors[e]])
+
+    # Goals that are out of reach come nearer; then each is seen from the anchor of its effector.
+    goals, anchors, anchor_goals = wishes.copy(), np.zeros((tip_count, 3)), np.zeros((tip_count, 3))
+    firsts = np.zeros(tip_count, np.int32)
+    for e in order:
+        if weights[e] == 0.0:
+            continue
+        base = origins[path[starts[e]]]
+        far = distance(wishes[e], base)
+        easy = max(EASY * reaches[e], min(distance(tips[e], base), reaches[e]))
+        if far > easy:
+            goals[e] = base + (wishes[e] - base) * (soft_distance(far, reaches[e], easy) / far)
+        before = _before(befores, weights, e)
+        firsts[e] = starts[e]
+        anchors[e], anchor_goals[e] = base, base
+        if before >= 0:
+            firsts[e] += starts[before + 1] - starts[before]
+            anchors[e], anchor_goals[e] = tips[before], goals[before]
+
+    bends = np.zeros((len(path), 3))
+    bend_straight_chains(
+        starts,
+        path,
+        firsts,
+        bend_axes,
+        reaches,
+        weights,
+        anchors,
+        anchor_goals,
+        tips,
+        goals,
+        origins,
+        bends,
     )
-    for _ in range(iterations):
-        for k in range(len(active)):
-            bone = active[k]
+    for k in range(len(path)):
+        bone = path[k]
+        if kinds[bone] == FREE:
+            bones[bone] = multiply(bones[bone], exp(bends[k]))
+        else:
+            turns[bone] += bends[k]
+            clamp(turns[bone], lower[bone], upper[bone], limits[bone])
+
+    led, arms, swings = goals.copy(), np.zeros((tip_count, 3)), np.zeros((tip_count, 3))
+    growth = np.zeros(tip_count)
+    for iteration in range(iterations):
+        _place(
+            parents,
+            offsets,
+            rests,
+            ends,
+            kinds,
+            active,
+            effectors,
+            origin,
+            upright,
+            turns,
+            bones,
+            origins,
+            frames,
+            tips,
+        )
+        way = min((iteration + 1) / (_LEADING * iterations), 1.0)
+        for e in order:
+            if weights[e] == 0.0:
+                continue
+            before = _before(befores, weights, e)
+            if iteration == 0:
+                arms[e] = tips[e] - (tips[before] if before >= 0 else anchors[e])
+                wanted = goals[e] - anchor_goals[e]
+                swings[e] = log(swing(arms[e], wanted))
+                length = math.sqrt(np.sum(arms[e] ** 2))
+                growth[e] = math.sqrt(np.sum(wanted**2)) / max(length, 1e-12) - 1.0
+            anchor = led[before] if before >= 0 else anchors[e]
+            led[e] = goals[e]
+            if way < 1.0:
+                led[e] = anchor + rotate(exp(way * swings[e]), arms[e]) * (1.0 + way * growth[e])
+
+        for bone in active:
             if kinds[bone] == BOUNDED:
-                clamp(turns[bone], lower[bone], upper[bone], limits[bone])
-                bones[bone] = multiply(rests[bone], exp(turns[bone]))
-        _forward(parents, offsets, origin, upright, bones, origins, frames)
-        _tips(effectors, ends, origins, frames, tips)
-        for k in range(len(active)):
-            bone = active[k]
-            if kinds[bone] == BOUNDED:
-                _turn_axes(multiply(frames[parents[bone]], rests[bone]), turns[bone], axes[bone])
-        _columns(starts, path, kinds, lower, upper, origins, axes, tips, columns)
-        stopped = np.zeros(count, np.int32)
-        _assemble(starts, path, shared, kinds, stopped, columns, scale, system)
+                turn_axes(multiply(frames[parents[bone]], rests[bone]), turns[bone], axes[bone])
+                stopped[bone] = 0
+        fill_columns(starts, path, kinds, mobile, origins, axes, tips, columns)
+        assemble(starts, path, shared, kinds, stopped, columns, scale, system)
         size, miss = 0.0, 0.0
         for e in range(tip_count):
             for i in range(3):
-                errors[3 * e + i] = scale[e] * (goals[e, i] - tips[e, i])
-                size += system[3 * e + i, 3 * e + i]
-                if scale[e] > 0.0:
-                    miss += (errors[3 * e + i] / reaches[e]) ** 2
-        size /= 3.0 * max(weights.sum(), 1e-12)
+                error = scale[e] * (led[e, i] - tips[e, i])
+                errors[3 * e + i] = error
+                size += system[3 * e + i, 3 * e + i] / (3.0 * total_weight)
+                miss += (error / max(reaches[e], 1e-12)) ** 2
         damping = size * (_DAMPING + _ERROR_DAMPING * miss) + 1e-30
         forces = errors.copy()
-        _solve(system, damping, forces)
-        _steps(starts, path, kinds, stopped, columns, scale, forces, steps)
+        solve(system, damping, forces)
+        fill_steps(starts, path, kinds, stopped, columns, scale, forces, steps)
         # Less is asked for where all the turns together would be too much for a linear answer.
         less = 1.0 / math.sqrt(1.0 + np.sum(steps**2) / _MOST**2)
         steps *= less
         if _stop_at_limits(active, kinds, lower, upper, limits, turns, steps, stopped):
             errors *= less
-            _without_stopped(starts, path, stopped, columns, scale, steps, errors)
-            _assemble(starts, path, shared, kinds, stopped, columns, scale, system)
-            _solve(system, damping, errors)
-            _steps(starts, path, kinds, stopped, columns, scale, errors, steps)
-        for k in range(len(active)):
-            bone = active[k]
+            take_stopped(starts, path, stopped, columns, scale, steps, errors)
+            assemble(starts, path, shared, kinds, stopped, columns, scale, system)
+            solve(system, damping, errors)
+            fill_steps(starts, path, kinds, stopped, columns, scale, errors, steps)
+        for bone in active:
             if kinds[bone] == FREE:
-                inner = rotate(conjugate(frames[parents[bone]]), steps[bone])
-                bones[bone] = normalized(multiply(exp(inner), bones[bone]))
+                _turn_free_bone(frames[parents[bone]], steps[bone], bones[bone])
             else:
                 turns[bone] += steps[bone]
-    for k in range(len(active)):
-        bone = active[k]
+                clamp(turns[bone], lower[bone], upper[bone], limits[bone])
+    for bone in active:
         if kinds[bone] == BOUNDED:
-            clamp(turns[bone], lower[bone], upper[bone], limits[bone])
             bones[bone] = multiply(rests[bone], exp(turns[bone]))
 
 
@@ -369,6 +307,9 @@ class DampedJacobian:
     slide or are fixed do not turn, and all others stay within their limits. A goal out of reach,
     or two that contradict each other, are met as well as can be. Goals that are not finite do not
     count. Several goals of one bone count as their weighted mean.
+
+    effectors: bones, by index. reaches: (E,) metres, how far each tip can be from its path's base.
+    iterations: always as many; 16 lead from the rest pose to any goal in reach.
     """
 
     def __init__(self, armature: Armature, effectors: Sequence[int], iterations: int = 16) -> None:
@@ -378,11 +319,6 @@ class DampedJacobian:
         bounds = Bounds.of(armature)
         paths = EffectorPaths.of(armature, self.effectors, bounds)
         self.reaches = paths.reaches
-        roots = armature.parents < 0
-        kinds = np.where(roots, FREE, bounds.kinds).astype(np.int32)
-        kinds.setflags(write=False)
-        active = np.unique(paths.bones).astype(np.int32)
-        active.setflags(write=False)
         self._constants = (
             armature.parents,
             armature.offsets,
@@ -391,15 +327,17 @@ class DampedJacobian:
             bounds.lower,
             bounds.upper,
             bounds.limits,
-            kinds,
-            active,
+            frozen(np.where(armature.parents < 0, FREE, bounds.kinds), np.int32),
+            frozen(bounds.upper > bounds.lower, np.int32),
+            frozen(np.unique(paths.bones), np.int32),
             paths.effectors,
-            paths.bases,
             paths.starts,
             paths.bones,
             paths.shared,
             paths.reaches,
             paths.bends,
+            paths.befores,
+            paths.order,
             _ORIGIN,
             IDENTITY,
         )
@@ -411,8 +349,7 @@ class DampedJacobian:
         """
         bones = np.array(intent.base.bones, float, order="C")
         positions, weights = self._wishes(intent)
-        if weights.any():
-            _reach_for(*self._constants, positions, weights, self.iterations, bones)
+        _reach_for(*self._constants, positions, weights, self.iterations, bones)
         return Pose(intent.base.translation, intent.base.rotation, bones)
 
     def _wishes(self, intent: Intent) -> tuple[Floats, Floats]:
@@ -427,11 +364,10 @@ class DampedJacobian:
                     expected=f"one of {', '.join(names[bone] for bone in self.effectors)}",
                     found=names[goal.bone] if 0 <= goal.bone < len(names) else str(goal.bone),
                 )
-            position = np.asarray(goal.position, float)
             effector = self.effectors.index(goal.bone)
-            usable = goal.weight > 0.0 and math.isfinite(goal.weight) and self.reaches[effector] > 0
-            if usable and np.isfinite(position).all():
+            usable = self.reaches[effector] > 0.0 and 0.0 < goal.weight < math.inf
+            if usable and np.isfinite(goal.position).all():
                 weights[effector] += goal.weight
                 share = goal.weight / weights[effector]
-                positions[effector] += (position - positions[effector]) * share
+                positions[effector] += (goal.position - positions[effector]) * share
         return positions, weights / max(float(weights.max(initial=0.0)), 1e-300)

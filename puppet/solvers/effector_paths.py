@@ -25,7 +25,8 @@ class EffectorPaths:
     from the base on. shared: (E, E) how many bones two paths have in common from the base on.
     reaches: (E,) metres, how far a tip can be from its base.
     bends: (len(bones), 3) unit or zero, the axis in the bone's rest frame about which a straight
-    path bends when it must fold.
+    path bends when it must fold. befores: (E,) the nearest effector on an effector's path, or -1.
+    order: (E,) the effectors, each after the one before it.
     """
 
     effectors: Ints
@@ -35,6 +36,8 @@ class EffectorPaths:
     shared: Ints
     reaches: Floats
     bends: Floats
+    befores: Ints
+    order: Ints
 
     @classmethod
     def of(cls, armature: Armature, effectors: Sequence[int], bounds: Bounds) -> EffectorPaths:
@@ -67,6 +70,8 @@ class EffectorPaths:
                 [_reach(armature, path, tip) for path, tip in zip(paths, effectors, strict=True)]
             ),
             bends=frozen(np.reshape(bends, (-1, 3))),
+            befores=frozen([_before(path, paths) for path in paths], np.int32),
+            order=frozen(sorted(range(len(paths)), key=lambda e: len(paths[e])), np.int32),
         )
 
 
@@ -96,29 +101,46 @@ def _reach(armature: Armature, path: list[int], effector: int) -> float:
     return math.fsum(float(np.linalg.norm(b - a)) for a, b in pairwise(points))
 
 
+def _before(path: list[int], paths: list[list[int]]) -> int:
+    """The effector with the longest path that lies wholly on this path, which goes on after it."""
+    within = [
+        e for e, its in enumerate(paths) if its and _common(its, path) == len(its) < len(path)
+    ]
+    return max(within, key=lambda e: len(paths[e]), default=-1)
+
+
 def _bends(armature: Armature, path: list[int], effector: int, bounds: Bounds) -> list[Floats]:
     """See `EffectorPaths.bends`.
 
-    At rest the axes are parallel and square to the chain, so that all its bones bend in one plane.
-    A bone that cannot turn about that axis bends about the nearest it can, and a bone with more
-    room on one side, like a knee, bends to that side.
+    At rest the axes are as parallel as they can be square to their bones, so that a straight chain
+    bends in one plane. A bone that cannot turn about that axis bends square to it, and a bone with
+    more room on one side, like a knee, bends to that side.
     """
-    if not path:
-        return []
-    along = armature.rest_tips[effector] - armature.rest[0][path[0]]
-    across = np.cross(along, np.eye(3)[np.argmin(np.abs(along))])
-    across /= max(float(np.linalg.norm(across)), 1e-12)
+    points = [armature.rest[0][bone] for bone in path] + [armature.rest_tips[effector]]
+    plane = _square_to(points[-1] - points[0], None)
     bends = []
-    for bone in path:
+    for bone, here, onwards in zip(path, points, points[1:], strict=False):
         home = conjugate(armature.rest[1][bone])
         low, high = bounds.lower[bone], bounds.upper[bone]
-        able = high > low
-        bend = rotate(home, across) * able
+        axis = _square_to(onwards - here, plane)
+        bend = rotate(home, axis) * (high > low)
         if np.linalg.norm(bend) < 0.3:
-            bend = rotate(home, np.cross(along, across) / max(float(np.linalg.norm(along)), 1e-12))
-            bend = bend * able
-        room_up, room_down = np.minimum(high, math.pi), np.minimum(-low, math.pi)
-        one_sided = np.abs(room_up - room_down) > 0.5 * np.maximum(room_up + room_down, 1e-9)
-        bend = np.where(one_sided, np.abs(bend) * np.sign(room_up - room_down), bend)
-        bends.append(bend)
+            bend = rotate(home, np.cross(_unit(onwards - here), axis)) * (high > low)
+        up, down = np.minimum(high, math.pi), np.minimum(-low, math.pi)
+        one_sided = np.abs(up - down) > 0.5 * np.maximum(up + down, 1e-9)
+        bends.append(np.where(one_sided, np.abs(bend) * np.sign(up - down), bend))
     return bends
+
+
+def _square_to(direction: Floats, near: Floats | None) -> Floats:
+    """A unit vector at a right angle to `direction`, as near to `near` as can be."""
+    along = _unit(direction)
+    if near is not None:
+        rest = near - along * float(near @ along)
+        if np.linalg.norm(rest) > 0.1:
+            return _unit(rest)
+    return _unit(np.cross(along, np.eye(3)[np.argmin(np.abs(along))]))
+
+
+def _unit(vector: Floats) -> Floats:
+    return np.asarray(vector / max(float(np.linalg.norm(vector)), 1e-12))
