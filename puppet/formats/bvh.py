@@ -28,6 +28,8 @@ USUAL_FRAME_TIME: Final = 1.0 / 30.0
 LONGEST_FRAME_TIME: Final = 1.0
 #: Whatever the unit, nothing in a file is larger than this.
 LARGEST: Final = 1e9
+#: Of many warnings of one kind, so many are given in full.
+_SAID: Final = 8
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -277,16 +279,19 @@ def _unique(names: list[str], warnings: list[str]) -> tuple[str, ...]:
     taken = set(names)
     seen: set[str] = set()
     numbers: dict[str, int] = {}
-    result: list[str] = []
+    result, renamed = list[str](), list[str]()
     for name in names:
         unique = name
         while unique in seen or (unique != name and unique in taken):
             numbers[name] = numbers.get(name, 0) + 1
             unique = f"{name}.{numbers[name]:03d}"
         if unique != name:
-            warnings.append(f"two joints are called {name}; the second is now {unique}")
+            renamed.append(f"two joints are called {name}; the second is now {unique}")
         seen.add(unique)
         result.append(unique)
+    warnings.extend(renamed[:_SAID])
+    if len(renamed) > _SAID:
+        warnings.append(f"{len(renamed) - _SAID} more joints have a name that was there: numbered")
     return tuple(result)
 
 
