@@ -162,6 +162,14 @@ def test_frames_are_left_out_but_tell_where_a_bone_ends(tmp_path: Path) -> None:
     assert any("'tool0', 'tip'" in text for text in warnings)
 
 
+def test_a_world_that_the_robot_is_fixed_to_is_no_bone(tmp_path: Path) -> None:
+    inside = link("world", "") + link("base") + link("arm") + joint("world", "base", kind="fixed")
+    armature, warnings = read(tmp_path, inside + joint("base", "arm", at="0 0 1"))
+    assert armature.names == ("base", "arm")
+    assert armature.freedoms[0] == 3
+    assert any("'world'" in text for text in warnings)
+
+
 def test_odd_ranges_are_repaired_and_told_by_the_bone(tmp_path: Path) -> None:
     armature, warnings = read(
         tmp_path,

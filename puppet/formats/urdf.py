@@ -65,7 +65,7 @@ def read_urdf(path: Path) -> tuple[Armature, tuple[str, ...]]:
         raise BadFileError(
             "this is not a URDF robot", where=path, expected="<robot>", found=f"<{document.tag}>"
         )
-    if any("{http://" in element.tag or "${" in str(element.attrib) for element in document.iter()):
+    if any("xacro" in element.tag or "${" in str(element.attrib) for element in document.iter()):
         raise BadFileError(
             "this is a xacro, from which a URDF is made",
             where=path,
@@ -77,7 +77,7 @@ def read_urdf(path: Path) -> tuple[Armature, tuple[str, ...]]:
     ]
     order = _parents_first(path, links, joints)
     bodies = _bodies(path, links, order, warn)
-    bodies = merged(_without_frames(bodies, warn), warn)
+    bodies = merged(_without_frames(_without_world(bodies, warn), warn), warn)
     return mechanism_armature(path.stem, bodies, warn), tuple(warnings)
 
 
@@ -264,6 +264,26 @@ def _shape_marks(shape: ET.Element, where: str) -> list[Floats]:
         half = np.array([radius, radius, half_length])
         corners = np.vstack([np.diag(half), -np.diag(half)])
     return list(place + corners @ turn.T)
+
+
+def _without_world(bodies: list[Body], warn: Callable[[str], None]) -> list[Body]:
+    """The bodies without a root that has nothing to see and only holds the robot or lets it go."""
+    if not any(body.shown for body in bodies):
+        return bodies
+    children = Counter(body.parent for body in bodies)
+    root = 0
+    # Parents come first, and depth first: an only child is the next body.
+    while not bodies[root].shown and children[root] == 1 and _is_loose(bodies[root + 1]):
+        root += 1
+    if root:
+        names = listed([body.name for body in bodies[:root]])
+        warn(f"no part of the robot: {names}; its root is {bodies[root].name!r}")
+    return [replace(body, parent=max(body.parent - root, -1)) for body in bodies[root:]]
+
+
+def _is_loose(body: Body) -> bool:
+    """Fixed, or let go: in either case what it hangs on says nothing of how it moves."""
+    return body.free or body.movement == "fixed"
 
 
 def _without_frames(bodies: Sequence[Body], warn: Callable[[str], None]) -> list[Body]:
