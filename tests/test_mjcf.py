@@ -380,3 +380,11 @@ def test_the_ostrich_stands_as_its_authors_measured_it(shared: Path) -> None:
     bent = posed(armature, {"r_tibiotarsus": np.array([1.0, 0.0, 0.0])})
     foot = armature.index("r_pes")
     assert bent[foot, 2] < armature.rest[0][foot, 2] - 0.3
+
+
+def test_a_foot_ends_at_its_toes_though_its_shin_points_down(tmp_path: Path) -> None:
+    shape = '<geom type="capsule" fromto="-.07 0 0 .14 0 0" size=".03"/>'
+    foot = f'<body name="foot" pos="0 0 -0.5">{shape}</body>'
+    armature, _ = read(tmp_path, arm("<joint/>", more=foot))
+    tip = armature.rest_tips[armature.index("foot")] - armature.rest[0][armature.index("foot")]
+    np.testing.assert_allclose(tip, (0, 0, 0.17), atol=1e-9)

@@ -57,6 +57,11 @@ def _reach(around: Floats, onwards: Floats, size: float) -> Floats:
             reach = float((around @ direction).max()) / length
             if reach > _SAME * size:
                 return direction / length * reach
+        # Nothing lies that way: a foot goes on square to its shin, and on both sides of it.
+        distances = np.linalg.norm(around, axis=1)
+        if distances.max() > 10.0 * _SAME * size:
+            farthest: Floats = around[int(distances.argmax())]
+            return farthest
     length = float(np.linalg.norm(onwards))
     if length > 1e-4 * size:
         return onwards
