@@ -11,8 +11,8 @@ a linear problem (`normal_equations.py`). What makes it steady enough to be look
   reached does not thrash, and a puppet a hundred times as large turns alike;
 * what is out of reach is asked for less (`reach.py`), and a chain that is straight is bent a
   little to a side of its own before it is asked to fold (`straight_chains.py`);
-* a turn that would pass a limit ends on it, and the other bones are asked again with that known.
-  Both answers are the same just where a limit begins to matter, so nothing jumps there.
+* where turns would pass their limits, the bones are made stiff in that direction, the more the
+  further, and all are asked again; so a limit is felt gradually, and nothing jumps where it begins.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ from puppet.solvers.normal_equations import (
     fill_columns,
     fill_steps,
     solve,
-    take_stopped,
+    stiffen,
     turn_axes,
 )
 from puppet.solvers.reach import EASY, soft_distance
@@ -55,6 +55,8 @@ _LEADING = 0.75
 _DAMPING, _ERROR_DAMPING = 1e-3, 1.0
 #: Radians. All turns of one iteration together (root of the sum of squares) stay below.
 _MOST = 3.0
+#: Radians. A bone that would pass its limit by as much is half as easy to turn in that direction.
+_GIVE = 0.02
 
 _ORIGIN = frozen(np.zeros(3))
 
@@ -110,7 +112,7 @@ def _turn_free_bone(above: Floats, step: Floats, bone: Floats) -> None:
 
 
 @kernel
-def _stop_at_limits(
+def _stiffen_at_limits(
     active: Ints,
     kinds: Ints,
     lower: Floats,
@@ -118,19 +120,42 @@ def _stop_at_limits(
     limits: Floats,
     turns: Floats,
     steps: Floats,
-    stopped: Ints,
+    stiffness: Floats,
 ) -> bool:
-    """Shorten the steps that would pass a limit; those bones are stopped. Whether there are any."""
+    """Fill `stiffness`, (B, 3), from how far steps would pass a limit. Whether any would."""
     some = False
     for bone in active:
-        stopped[bone] = 0
-        if kinds[bone] == BOUNDED:
-            there = turns[bone] + steps[bone]
-            if clamp(there, lower[bone], upper[bone], limits[bone]):
-                steps[bone] = there - turns[bone]
-                stopped[bone] = 1
-                some = True
+        if kinds[bone] != BOUNDED:
+            continue
+        wanted = turns[bone] + steps[bone]
+        there = wanted.copy()
+        stiffness[bone] = 0.0
+        if clamp(there, lower[bone], upper[bone], limits[bone]):
+            beyond = distance(wanted, there)
+            rigid = 1.0 - math.sqrt(_GIVE / (_GIVE + beyond))
+            stiffness[bone] = (wanted - there) * (math.sqrt(rigid) / beyond)
+            some = True
     return some
+
+
+@kernel
+def _solve_for_steps(
+    starts: Ints,
+    path: Ints,
+    kinds: Ints,
+    columns: Floats,
+    scale: Floats,
+    errors: Floats,
+    damping: float,
+    system: Floats,
+    steps: Floats,
+) -> None:
+    """Fill `steps`, (B, 3) rad, with turns that take away `errors`, (3E,) m; uses `system` up."""
+    forces = errors.copy()
+    solve(system, damping, forces)
+    fill_steps(starts, path, kinds, columns, scale, forces, steps)
+    # Less is done where all the turns together would be too much for a linear answer.
+    steps *= 1.0 / math.sqrt(1.0 + np.sum(steps**2) / _MOST**2)
 
 
 @kernel
@@ -173,7 +198,7 @@ def _reach_for(
     count, tip_count = len(parents), len(effectors)
     origins, frames, tips = np.empty((count, 3)), np.empty((count, 4)), np.empty((tip_count, 3))
     turns, steps, axes = np.zeros((count, 3)), np.zeros((count, 3)), np.zeros((count, 3, 3))
-    stopped, columns = np.zeros(count, np.int32), np.zeros((len(path), 3, 3))
+    stiffness, columns = np.zeros((count, 3)), np.zeros((len(path), 3, 3))
     system, errors = np.empty((3 * tip_count, 3 * tip_count)), np.empty(3 * tip_count)
     scale, total_weight = np.sqrt(weights), np.sum(weights)
     clamp_bones(rests, lower, upper, limits, kinds, bones)
@@ -265,9 +290,8 @@ def _reach_for(
         for bone in active:
             if kinds[bone] == BOUNDED:
                 turn_axes(multiply(frames[parents[bone]], rests[bone]), turns[bone], axes[bone])
-                stopped[bone] = 0
         fill_columns(starts, path, kinds, mobile, origins, axes, tips, columns)
-        assemble(starts, path, shared, kinds, stopped, columns, scale, system)
+        assemble(starts, path, shared, kinds, columns, scale, system)
         size, miss = 0.0, 0.0
         for e in range(tip_count):
             for i in range(3):
@@ -276,18 +300,12 @@ def _reach_for(
                 size += system[3 * e + i, 3 * e + i] / (3.0 * total_weight)
                 miss += (error / max(reaches[e], 1e-12)) ** 2
         damping = size * (_DAMPING + _ERROR_DAMPING * miss) + 1e-30
-        forces = errors.copy()
-        solve(system, damping, forces)
-        fill_steps(starts, path, kinds, stopped, columns, scale, forces, steps)
-        # Less is asked for where all the turns together would be too much for a linear answer.
-        less = 1.0 / math.sqrt(1.0 + np.sum(steps**2) / _MOST**2)
-        steps *= less
-        if _stop_at_limits(active, kinds, lower, upper, limits, turns, steps, stopped):
-            errors *= less
-            take_stopped(starts, path, stopped, columns, scale, steps, errors)
-            assemble(starts, path, shared, kinds, stopped, columns, scale, system)
-            solve(system, damping, errors)
-            fill_steps(starts, path, kinds, stopped, columns, scale, errors, steps)
+        _solve_for_steps(starts, path, kinds, columns, scale, errors, damping, system, steps)
+        if _stiffen_at_limits(active, kinds, lower, upper, limits, turns, steps, stiffness):
+            stiffen(path, stiffness, columns, False)
+            assemble(starts, path, shared, kinds, columns, scale, system)
+            _solve_for_steps(starts, path, kinds, columns, scale, errors, damping, system, steps)
+            stiffen(path, stiffness, steps.reshape((count, 3, 1)), True)
         for bone in active:
             if kinds[bone] == FREE:
                 _turn_free_bone(frames[parents[bone]], steps[bone], bones[bone])

@@ -84,12 +84,11 @@ def assemble(
     path: Ints,
     shared: Ints,
     kinds: Ints,
-    stopped: Ints,
     columns: Floats,
     scale: Floats,
     system: Floats,
 ) -> None:
-    """Fill the lower triangle of `system`, (3E, 3E) = J Jᵀ, without the bones that are stopped."""
+    """Fill the lower triangle of `system`, (3E, 3E) = J Jᵀ."""
     for e in range(len(scale)):
         for f in range(e + 1):
             b00, b01, b02 = 0.0, 0.0, 0.0
@@ -97,8 +96,6 @@ def assemble(
             b20, b21, b22 = 0.0, 0.0, 0.0
             for step in range(shared[e, f]):
                 bone = path[starts[e] + step]
-                if stopped[bone]:
-                    continue
                 one, other = columns[starts[e] + step], columns[starts[f] + step]
                 if kinds[bone] == FREE:
                     r0, r1, r2 = one[0, 0], one[0, 1], one[0, 2]
@@ -165,20 +162,18 @@ def fill_steps(
     starts: Ints,
     path: Ints,
     kinds: Ints,
-    stopped: Ints,
     columns: Floats,
     scale: Floats,
     forces: Floats,
     steps: Floats,
 ) -> None:
-    """Fill `steps`, (B, 3) rad = Jᵀ forces; those of stopped bones stay as they are.
+    """Fill `steps`, (B, 3) rad = Jᵀ forces.
 
     A free bone's step is a turn about the armature's axes, a bounded one's is added to its vector.
     """
     for k in range(len(path)):
-        if not stopped[path[k]]:
-            for i in range(3):
-                steps[path[k], i] = 0.0
+        for i in range(3):
+            steps[path[k], i] = 0.0
     for e in range(len(scale)):
         x, y, z = (
             forces[3 * e] * scale[e],
@@ -187,8 +182,6 @@ def fill_steps(
         )
         for k in range(starts[e], starts[e + 1]):
             bone = path[k]
-            if stopped[bone]:
-                continue
             column = columns[k]
             if kinds[bone] == FREE:
                 steps[bone, 0] += column[0, 1] * z - column[0, 2] * y
@@ -200,21 +193,17 @@ def fill_steps(
 
 
 @kernel
-def take_stopped(
-    starts: Ints,
-    path: Ints,
-    stopped: Ints,
-    columns: Floats,
-    scale: Floats,
-    steps: Floats,
-    errors: Floats,
-) -> None:
-    """Take from `errors`, (3E,), what the steps of the stopped bones make good. All are bounded."""
-    for e in range(len(scale)):
-        for k in range(starts[e], starts[e + 1]):
-            bone = path[k]
-            if stopped[bone]:
-                for axis in range(3):
-                    step = scale[e] * steps[bone, axis]
-                    for i in range(3):
-                        errors[3 * e + i] -= step * columns[k, axis, i]
+def stiffen(path: Ints, stiffness: Floats, values: Floats, by_bone: bool) -> None:
+    """Make bones stiff in one direction, in place: ``v - h (h·v)`` over the axes of each.
+
+    stiffness: (B, 3), the direction h, with a length from 0, free, to 1, rigid. values: columns
+    (P, 3, 3), or with `by_bone` steps (B, 3, 1). Only of bounded bones.
+    """
+    for k in range(len(values)):
+        h = stiffness[k] if by_bone else stiffness[path[k]]
+        if h[0] == 0.0 and h[1] == 0.0 and h[2] == 0.0:
+            continue
+        for i in range(values.shape[2]):
+            along = h[0] * values[k, 0, i] + h[1] * values[k, 1, i] + h[2] * values[k, 2, i]
+            for axis in range(3):
+                values[k, axis, i] -= h[axis] * along
