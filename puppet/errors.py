@@ -56,3 +56,7 @@ class BadMessageError(PuppetError):
 
 class UnavailableError(PuppetError):
     """Something outside the program is missing: a model, a device, a display, a free port."""
+
+
+class BadDecisionError(PuppetError):
+    """A correction of a mapping that is not possible, or contradicts another."""

@@ -24,6 +24,7 @@ from puppet.formats.gltf_file import GltfFile
 from puppet.formats.gltf_material import Surface, read_surface
 from puppet.formats.gltf_skin import Binding, bind_skin, joined, read_primitive
 from puppet.formats.idle_bones import without_idle_bones
+from puppet.formats.loose_bones import with_loose_bones_attached
 from puppet.kernel import Floats
 from puppet.mesh import Mesh, Model
 
@@ -45,7 +46,7 @@ def load_model(path: Path) -> Model:
     path = Path(path)
     file = GltfFile(path)
     try:
-        return without_idle_bones(_load(file))
+        return with_loose_bones_attached(without_idle_bones(_load(file)))
     except (AttributeError, ArithmeticError, IndexError, KeyError, TypeError, ValueError) as error:
         # The document is any JSON that somebody wrote: a list where a number should be surfaces
         # as one of these, wherever it is first used.

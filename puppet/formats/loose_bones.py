@@ -13,8 +13,8 @@ from typing import Final
 
 import numpy as np
 
-from puppet.armature import Armature, side_of
-from puppet.kernel import Floats, frozen
+from puppet.armature import Armature
+from puppet.kernel import Floats
 from puppet.mesh import Model
 from puppet.rotation import conjugate, multiply, rotate
 
@@ -29,17 +29,19 @@ def with_loose_bones_attached(model: Model) -> Model:
     armature = model.armature
     new_parents = armature.parents.copy()
     warnings = []
-    for bone in range(len(armature)):
+    for bone in _candidates(armature):
         owner = _owner(armature, bone)
         if owner is not None and not _is_ancestor(new_parents, bone, owner):
             new_parents[bone] = owner
-            warnings.append(f"bone {armature.names[bone]!r} was loose: now {_on(armature, owner)}")
+            warnings.append(
+                f"bone {armature.names[bone]!r} lay loose: it now hangs on {armature.names[owner]!r}"
+            )
     if not warnings:
         return model
     positions, rotations = armature.rest
     offsets, local = np.array(armature.offsets), np.array(armature.rotations)
-    for bone in np.flatnonzero(new_parents != armature.parents):
-        parent = new_parents[bone]
+    for bone in np.flatnonzero(new_parents != armature.parents).tolist():
+        parent = int(new_parents[bone])
         back = conjugate(rotations[parent])
         offsets[bone] = rotate(back, positions[bone] - positions[parent])
         local[bone] = multiply(back, rotations[bone])
@@ -55,38 +57,51 @@ def with_loose_bones_attached(model: Model) -> Model:
         armature.upper,
         armature.movements,
     )
-    index = np.array([moved.index(name) for name in armature.names], np.uint16)
+    places = {name: bone for bone, name in enumerate(moved.names)}
+    index = np.array([places[name] for name in armature.names], np.uint16)
     meshes = tuple(replace(mesh, bones=index[mesh.bones]) for mesh in model.meshes)
-    tips = _ending_where_the_next_begins(moved, set(map(int, index[new_parents >= 0])))
-    return Model(replace(moved, tips=tips), meshes, (*model.warnings, *warnings))
+    return Model(moved, meshes, (*model.warnings, *warnings))
+
+
+def _candidates(armature: Armature) -> list[int]:
+    """Roots but for the main one, and what hangs on a root, far from it."""
+    parents = armature.parents
+    weight = np.ones(len(armature))
+    for bone in reversed(range(len(armature))):
+        if parents[bone] >= 0:
+            weight[parents[bone]] += weight[bone]
+    roots = [bone for bone in range(len(armature)) if parents[bone] < 0]
+    main = max(roots, key=lambda bone: weight[bone])
+    found = [bone for bone in roots if bone != main]
+    for root in roots:
+        for bone in armature.children[root]:
+            gap = _gaps(armature, armature.rest[0][bone])[root]
+            if gap > FAR * armature.size:
+                found.append(bone)
+    return found
 
 
 def _owner(armature: Armature, bone: int) -> int | None:
-    """The bone that a loose bone belongs to; None if it is not loose, or nothing is near."""
-    parent = int(armature.parents[bone])
-    size = armature.size
-    place = armature.rest[0][bone]
-    if parent >= 0 and (armature.parents[parent] >= 0 or _gap(armature, parent, place) < FAR * size):
-        return None
-    below = _below(armature, bone)
-    side = side_of(armature.names[bone])
-    gaps = [
-        _gap(armature, other, place)
-        if other not in below and other != parent and side_of(armature.names[other]) in ("", side)
-        else np.inf
-        for other in range(len(armature))
-    ]
+    """The bone that a loose bone belongs to; None if nothing is near enough."""
+    gaps = _gaps(armature, armature.rest[0][bone])
+    gaps[list(_below(armature, bone))] = np.inf
+    if armature.parents[bone] >= 0:
+        gaps[armature.parents[bone]] = np.inf
+    side = armature.sides[bone]
+    for other, its in enumerate(armature.sides):
+        if side and its and its != side:
+            gaps[other] = np.inf
     owner = int(np.argmin(gaps))
-    return owner if gaps[owner] < NEAR * size else None
+    return owner if gaps[owner] < NEAR * armature.size else None
 
 
-def _gap(armature: Armature, bone: int, place: Floats) -> float:
-    """Metres from a place to the nearest point of a bone, at rest."""
-    start, end = armature.rest[0][bone], armature.rest_tips[bone]
-    along = end - start
-    length = float(along @ along)
-    share = min(max(float((place - start) @ along) / length, 0.0), 1.0) if length > 1e-18 else 0.0
-    return float(np.linalg.norm(start + share * along - place))
+def _gaps(armature: Armature, place: Floats) -> Floats:
+    """Metres from a place to the nearest point of each bone, at rest. (3,) -> (B,)"""
+    start = armature.rest[0]
+    along = armature.rest_tips - start
+    lengths = np.maximum((along * along).sum(axis=1), 1e-18)
+    share = np.clip(((place - start) * along).sum(axis=1) / lengths, 0.0, 1.0)
+    return np.asarray(np.linalg.norm(start + share[:, None] * along - place, axis=1))
 
 
 def _below(armature: Armature, start: int) -> set[int]:
@@ -100,11 +115,3 @@ def _is_ancestor(parents: np.ndarray, bone: int, of: int) -> bool:
     while of >= 0 and of != bone:
         of = int(parents[of])
     return of == bone
-
-
-def _ending_where_the_next_begins(armature: Armature, _touched: set[int]) -> Floats:
-    return frozen(armature.tips)
-
-
-def _on(armature: Armature, owner: int) -> str:
-    return f"it hangs on {armature.names[owner]!r}"

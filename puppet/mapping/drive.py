@@ -4,18 +4,18 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 
 from puppet.armature import Armature
 from puppet.kernel import Floats, Ints, frozen
+from puppet.mapping.placement import Placement
 from puppet.mapping.proposal import Pair
 from puppet.mapping.stance import CARRIERS, Stance, measure_into
 from puppet.pose import Intent, Pose
-from puppet.rotation import multiply, rotate
-from puppet.skeleton import HUMAN_BONES, Joint, SkeletonFrame
+from puppet.skeleton import HUMAN_BONES, SkeletonFrame
 from puppet.solvers.retarget import retarget
 
 #: How far each human bone swings from hanging or standing, degrees; ordinary, not athletic, ranges.
@@ -34,23 +34,6 @@ HUMAN_RANGES: Final = {
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Placement:
-    """Where a puppet stands and how it follows the performer about.
-
-    position: (3,) metres, world. yaw: radians about +Y. follow: (3,) how many metres the puppet
-    goes for each metre of the performer's hip, along the performer's own left, up and forward.
-    turn: how much of the performer's turning on the spot it takes over, 0..1.
-    grounded: whether it stands on the floor, and so never sinks when the performer squats.
-    """
-
-    position: Floats = field(default_factory=lambda: np.zeros(3))
-    yaw: float = 0.0
-    follow: Floats = field(default_factory=lambda: np.zeros(3))
-    turn: float = 1.0
-    grounded: bool = False
-
-
-@dataclass(frozen=True, slots=True, eq=False)
 class _Plan:
     """The constants of the kernel, worked out once for a set of pairs."""
 
@@ -59,13 +42,15 @@ class _Plan:
     path_starts: Ints
     path: Ints
     gains: Floats
+    follows: Floats
 
 
 class ForwardDrive:
     """A `Mapping`: each mapped bone turns as its human bone turns from the neutral stance.
 
     Pure: the same frame gives the same intent. A bone without a partner keeps its rest rotation
-    in its parent. Where the armature limits a bone, the human range is scaled into the limit.
+    in its parent, or repeats a share of its parent's turn (follows: bone and share). Where the
+    armature limits a bone, the human range is scaled into the limit.
     """
 
     def __init__(
@@ -74,17 +59,18 @@ class ForwardDrive:
         pairs: Iterable[Pair],
         neutral: Stance,
         placement: Placement | None = None,
+        follows: Iterable[tuple[int, float]] = (),
     ) -> None:
         self.armature = armature
         self.pairs = tuple(pairs)
         self.neutral = neutral
         self.placement = placement or Placement()
-        self._plan = _plan(armature, self.pairs)
-        self._place_rotation = _yaw(self.placement.yaw)
+        self.follows = tuple(follows)
+        self._plan = _plan(armature, self.pairs, self.follows)
 
     def with_neutral(self, neutral: Stance) -> ForwardDrive:
         """The same mapping, counted from another neutral stance."""
-        return ForwardDrive(self.armature, self.pairs, neutral, self.placement)
+        return ForwardDrive(self.armature, self.pairs, neutral, self.placement, self.follows)
 
     def __call__(self, frame: SkeletonFrame) -> Intent:
         count = len(HUMAN_BONES)
@@ -106,27 +92,12 @@ class ForwardDrive:
             plan.path_starts,
             plan.path,
             plan.gains,
+            plan.follows,
             turned,
             bones,
         )
-        translation, rotation = self._root(frame, heading)
+        translation, rotation = self.placement.root(frame, self.neutral, heading)
         return Intent(Pose(translation, rotation, bones))
-
-    def _root(self, frame: SkeletonFrame, heading: float) -> tuple[Floats, Floats]:
-        """World translation (3,) and rotation (4,): the placement, then the performer's own way."""
-        place, neutral = self.placement, self.neutral
-        trust = float(frame.influence[Joint.HIP_CENTER])
-        turned = math.remainder(heading - neutral.heading, 2.0 * math.pi)
-        moved = rotate(_yaw(-neutral.heading), frame.positions[Joint.HIP_CENTER] - neutral.hip)
-        moved = moved * place.follow * trust
-        if place.grounded:
-            moved[1] = max(moved[1], 0.0)
-        translation = place.position + rotate(self._place_rotation, moved)
-        return translation, multiply(self._place_rotation, _yaw(turned * place.turn * trust))
-
-
-def _yaw(angle: float) -> Floats:
-    return np.array([0.0, math.sin(0.5 * angle), 0.0, math.cos(0.5 * angle)])
 
 
 _STARTS: Final = frozen([bone.start for bone in HUMAN_BONES], np.int32)
@@ -141,13 +112,15 @@ def _carriers_of(human: int) -> list[int]:
     return chain[::-1]
 
 
-def _plan(armature: Armature, pairs: Iterable[Pair]) -> _Plan:
+def _plan(armature: Armature, pairs: Iterable[Pair], follows: Iterable[tuple[int, float]]) -> _Plan:
     count = len(armature)
     humans = np.full(count, -1, np.int32)
     for pair in pairs:
         humans[pair.bone] = pair.human
     anchors = np.full(count, -1, np.int32)
-    gains = np.ones(count)
+    gains, shares = np.ones(count), np.zeros(count)
+    for bone, share in follows:
+        shares[bone] = share
     path: list[int] = []
     starts = [0]
     for bone in range(count):
@@ -169,4 +142,5 @@ def _plan(armature: Armature, pairs: Iterable[Pair]) -> _Plan:
         frozen(starts, np.int32),
         frozen(path, np.int32),
         frozen(gains),
+        frozen(shares),
     )

@@ -5,192 +5,263 @@ pull the pairs along the limbs, then the Hungarian runs again. Here the same sco
 whole limbs first, so that a chain cannot be torn over several human limbs and its order cannot be
 lost; the preferences then choose the bones inside each limb.
 
-1. Trunk to spine: the best order-preserving pairs by score.
-2. Limbs to human limbs: the Hungarian algorithm over how well they run side by side.
-3. Inside a limb: the preferred bones, in order. A long limb in the middle, which one human limb
-   cannot fill, gives its tip to that limb and the rest to the next free one.
+1. Limbs to human limbs: the k best assignments (`puppet.mapping.ranking`).
+2. Inside a limb: the bones that a puppeteer would use, in order (section 3.7).
+3. Trunk to spine.
+4. If it is wished, the Hungarian algorithm once more over what is left.
+
+What the operator decided holds in every step.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from itertools import islice
 from typing import Final
 
 import numpy as np
-from scipy.optimize import linear_sum_assignment
 
 from puppet.armature import Armature
 from puppet.kernel import Floats
-from puppet.mapping.anatomy import Anatomy, Limb, anatomy
-from puppet.mapping.proposal import Pair, Proposal
-from puppet.mapping.scores import combined_score
+from puppet.mapping.alignment import aligned, overlap
+from puppet.mapping.decisions import Act, Verdicts
+from puppet.mapping.evidence import Evidence, gather
+from puppet.mapping.human import HUMAN, HUMAN_LIMBS, LIMB_NAMES, SPINE
+from puppet.mapping.limb_choice import LimbChoice, choices
+from puppet.mapping.pair_reasons import Reasoning
+from puppet.mapping.proposal import Proposal
+from puppet.mapping.ranking import Assignment, hungarian
 from puppet.skeleton import HUMAN_BONE_NAMES
 
+_HEAD: Final = LIMB_NAMES.index("head")
+_LEGS: Final = tuple(i for i, limb in enumerate(HUMAN_LIMBS) if limb.is_leg)
+_ARMS: Final = tuple(i for i, limb in enumerate(HUMAN_LIMBS) if limb.is_arm)
+#: More than any sum of worths: a pair that the operator kept.
+_KEPT: Final = 100.0
 
-@dataclass(frozen=True, slots=True)
-class HumanLimb:
-    """A limb of the performer, and which of its bones a puppeteer would rather use.
 
-    bones: from the body outwards. preferred: for a puppet's chain of 1, 2, 3… bones, the positions
-    in `bones` that drive it. preference: added to the affinity of every limb.
+def propose_forward(
+    source: Armature | Evidence, verdicts: Verdicts | None = None, k: int = 1
+) -> list[Proposal]:
+    """The k best FK mappings of an armature, best first; fewer if there are no more.
+
+    Bones that get no partner follow their parents. Give the `Evidence` instead of the armature to
+    propose again in a moment.
     """
-
-    side: str
-    is_arm: bool
-    bones: tuple[int, ...]
-    preferred: tuple[tuple[int, ...], ...]
-    preference: float
-
-
-def _human_limbs() -> tuple[HumanLimb, ...]:
-    index = HUMAN_BONE_NAMES.index
-    limbs = []
-    # Arms before legs, and the right one first: where the graphs say nothing, a puppeteer
-    # uses the hand (section 4: "Arms are selected here, since their preferences score is the
-    # highest one"). The shoulder hardly moves by itself, so it comes last.
-    for kind, preference in (("arm", 0.1), ("leg", 0.0)):
-        for side, handed in (("R", 0.01), ("L", 0.0)):
-            if kind == "arm":
-                names: tuple[str, ...] = ("shoulder", "upper_arm", "forearm", "hand")
-                preferred: tuple[tuple[int, ...], ...] = ((2,), (1, 2), (1, 2, 3))
-            else:
-                names = ("thigh", "shin", "foot")
-                preferred = ((0,), (0, 1), (0, 1, 2))
-            bones = tuple(index(f"{name}.{side}") for name in names)
-            limbs.append(HumanLimb(side, kind == "arm", bones, preferred, preference + handed))
-    return tuple(limbs)
-
-
-HUMAN_LIMBS: Final = _human_limbs()
-SPINE: Final = tuple(HUMAN_BONE_NAMES.index(name) for name in ("pelvis", "chest", "head"))
-
-
-def propose_forward(armature: Armature) -> Proposal:
-    """The best FK mapping of an armature.
-
-    Bones that get no partner follow their parents; in an armature with sides, what is in the
-    middle (a tail, a dorsal fin) is only ever given to the spine and head.
-    """
-    scores = _relative(combined_score(armature))
-    shape = anatomy(armature)
-    chosen = {
-        bone: (human, float(scores[bone, human]))
-        for bone, human in _map_trunk(shape.trunk, scores).items()
-    }
-    free_spine = [human for human in SPINE if human not in {pair[0] for pair in chosen.values()}]
-    limbs = list(shape.limbs)
-    # In a creature without sides a single bone is a joint between two chains and has no head.
-    if free_spine and (len(shape.trunk) > 1 or (shape.trunk and shape.has_sides)):
-        head = _limb_that_continues(armature, shape, limbs, scores[:, free_spine[-1]])
-        if head is not None:
-            bone, human = head.bones[0], free_spine[-1]
-            chosen[bone] = (human, float(scores[bone, human]))
-            limbs.remove(head)
-    if shape.has_sides:
-        limbs = [limb for limb in limbs if limb.side]
-    chosen.update(_map_limbs(limbs, scores, arms_first=not shape.has_sides))
-    return Proposal(
-        armature,
-        "fk",
-        tuple(Pair(bone, human, score) for bone, (human, score) in sorted(chosen.items())),
-    )
-
-
-def _relative(scores: Floats) -> Floats:
-    """Each row as a share of its best: similarity fades away from the hubs, choices do not."""
-    best = scores.max(axis=1, keepdims=True)
-    return np.asarray(scores / np.where(best > 0, best, 1.0))
-
-
-def _map_trunk(trunk: Sequence[int], scores: Floats) -> dict[int, int]:
-    """Order-preserving pairs of trunk and spine bones with the greatest sum of scores."""
-    best: dict[tuple[int, int], tuple[float, tuple[tuple[int, int], ...]]] = {}
-    rows, columns = len(trunk), len(SPINE)
-    for row in range(rows + 1):
-        for column in range(columns + 1):
-            if row == 0 or column == 0:
-                best[row, column] = (0.0, ())
-                continue
-            bone, human = trunk[row - 1], SPINE[column - 1]
-            before, pairs = best[row - 1, column - 1]
-            # A pair is always better than none: a trunk bone without one moves nothing.
-            paired = (before + scores[bone, human] + 1.0, (*pairs, (bone, human)))
-            best[row, column] = max(
-                paired, best[row - 1, column], best[row, column - 1], key=lambda item: item[0]
-            )
-    return dict(best[rows, columns][1])
-
-
-def _limb_that_continues(
-    armature: Armature, shape: Anatomy, limbs: Iterable[Limb], scores: Floats
-) -> Limb | None:
-    """Of the limbs in the middle, the one that goes on where the trunk was going: the head."""
-    positions, _ = armature.rest
-    trunk_start, trunk_end = positions[shape.trunk[0]], positions[shape.trunk[-1]]
-    candidates = [limb for limb in limbs if not limb.side]
-    if not candidates:
-        return None
-
-    def merit(limb: Limb) -> float:
-        start, end = positions[limb.bones[0]], armature.rest_tips[limb.bones[-1]]
-        return float(scores[limb.bones[0]]) + _cosine(trunk_end - trunk_start, end - start)
-
-    return max(candidates, key=merit)
-
-
-def _cosine(a: Floats, b: Floats) -> float:
-    length = float(np.linalg.norm(a) * np.linalg.norm(b))
-    return float(a @ b) / length if length > 1e-9 else 0.0
-
-
-def _affinity(limb: Limb, human: HumanLimb, scores: Floats) -> float:
-    """Mean score of the two limbs laid side by side from the body; -inf across sides."""
-    if limb.side and limb.side != human.side:
-        return -np.inf
-    steps = min(len(limb.bones), len(human.bones))
-    aligned = scores[limb.bones[:steps], human.bones[:steps]]
-    return float(aligned.mean()) + human.preference
-
-
-def _map_limbs(
-    limbs: Sequence[Limb], scores: Floats, *, arms_first: bool
-) -> dict[int, tuple[int, float]]:
-    """For each mapped bone its human bone, and how well the two limbs run side by side (0..1)."""
-    chosen: dict[int, tuple[int, float]] = {}
-    free = list(HUMAN_LIMBS)
-    waiting = list(limbs)
-    while waiting and free:
-        affinity = np.array(
-            [[_affinity(limb, human, scores) for human in free] for limb in waiting]
-        )
-        # A finite, prohibitive cost keeps the problem solvable when sides leave no partner.
-        cost = np.where(np.isfinite(affinity), -affinity, 1e6)
-        if arms_first:  # without sides nothing says leg, and hands are easier to play with
-            cost -= [float(human.is_arm) for human in free]
-        pairs = [
-            (waiting[row], free[column], min(float(affinity[row, column]), 1.0))
-            for row, column in zip(*linear_sum_assignment(cost), strict=True)
-            if np.isfinite(affinity[row, column])
-        ]
-        if not pairs:
+    evidence = source if isinstance(source, Evidence) else gather(source)
+    verdicts = verdicts or Verdicts()
+    limbs = choices(evidence, verdicts, "fk")
+    found: dict[tuple[tuple[int, int], ...], Proposal] = {}
+    # Two assignments of limbs may come to the same pairs of bones, where limbs were fully decided.
+    for merit, assignment in islice(limbs.ranked(hungarian), 4 * k + 4):
+        proposal = _Builder(evidence, verdicts, limbs, assignment).proposal(merit[0])
+        found.setdefault(tuple((pair.bone, pair.human) for pair in proposal.pairs), proposal)
+        if len(found) == k:
             break
-        rest = []
-        for _, human, _ in pairs:
-            free.remove(human)
-        for limb, human, score in pairs:
-            room = len(human.preferred)
-            # What is too long for one arm goes on in the other, if that is free and it may be on
-            # either side. Else its bones share the arm evenly, and those between follow.
-            goes_on = not limb.side and any(other.is_arm for other in free)
-            if goes_on and len(limb.bones) > room:
-                bones = limb.bones[-room:]
-                rest.append(Limb(limb.bones[:-room], limb.side))
-            else:
-                count = min(room, len(limb.bones))
-                picks = np.linspace(0, len(limb.bones) - 1, count).round().astype(int)
-                bones = tuple(limb.bones[pick] for pick in picks)
-            for bone, place in zip(bones, human.preferred[len(bones) - 1], strict=True):
-                chosen[bone] = (human.bones[place], score)
-        waiting = rest
-    return chosen
+    if not found:
+        found[()] = _Builder(evidence, verdicts, limbs, ()).proposal(0.0)
+    return list(found.values())
+
+
+@dataclass
+class _Builder:
+    """One assignment of limbs, made into pairs of bones."""
+
+    evidence: Evidence
+    verdicts: Verdicts
+    limbs: LimbChoice
+    assignment: Assignment
+    chosen: dict[int, tuple[int, Reasoning]] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        self.armature = self.evidence.armature
+        self.turns = [movement == "turn" for movement in self.armature.movements]
+        index = self.armature.index
+        self.kept: dict[int, tuple[int, Act]] = {
+            index(bone): (HUMAN_BONE_NAMES.index(human), act)
+            for bone, (human, act) in self.verdicts.kept_in("fk").items()
+            if human not in LIMB_NAMES
+        }
+        self.banned: dict[tuple[int, int], Act] = {
+            (index(bone), HUMAN_BONE_NAMES.index(human)): act
+            for (bone, human), act in self.verdicts.banned_in("fk").items()
+            if human not in LIMB_NAMES
+        }
+        left_out = self.evidence.preferences.leave_out
+        self.left_out = {
+            bone for limb in HUMAN_LIMBS if limb.name in left_out for bone in limb.bones
+        }
+
+    def proposal(self, merit: float) -> Proposal:
+        self._map_spine()
+        for row, column in self.assignment:
+            if column != _HEAD:
+                self._map_limb(row, column)
+        if self.evidence.preferences.leftovers:
+            self._map_leftovers()
+        self._keep_what_was_kept()
+        armature = self.armature
+        pairs = tuple(
+            why.pair(armature.names[bone], (bone,), human, self.kept.get(bone, (-1, ""))[1])
+            for bone, (human, why) in sorted(self.chosen.items())
+        )
+        unmapped = tuple(
+            name for bone, name in enumerate(armature.names) if bone not in self.chosen
+        )
+        follows = tuple(
+            (bone, float(share))
+            for bone, share in enumerate(self.evidence.follows)
+            if share and bone not in self.chosen
+        )
+        return Proposal(armature, "fk", pairs, unmapped, merit, follows=follows)
+
+    def _possible(self, bone: int, human: int) -> bool:
+        """Whether the pair may be proposed: it can move, and nobody decided otherwise."""
+        if bone in self.kept:
+            return self.kept[bone][0] == human
+        if not self.turns[bone] or human in self.left_out or (bone, human) in self.banned:
+            return False
+        return all(human != kept or act == "set" for kept, act in self.kept.values())
+
+    def _worth(self, bone: int, human: int, worth: float) -> float:
+        if not self._possible(bone, human):
+            return -np.inf
+        return worth + (_KEPT if bone in self.kept else 0.0)
+
+    def _map_limb(self, row: int, column: int) -> None:
+        """The bones of one limb to those of the human limb that drives it."""
+        limb, human = self.evidence.limbs[row], HUMAN_LIMBS[column]
+        bones = [bone for bone in limb.bones if bone not in self.chosen]
+        if not bones:
+            return
+        playable = human.bones if self.evidence.preferences.shoulders else human.playable
+        if len(bones) == 1:
+            wanted = human.playable[human.alone]
+            pairs = aligned(
+                bones, playable, lambda bone, h: self._worth(bone, h, 1.0 + (h == wanted))
+            )
+        else:
+            beside = self._beside(bones, playable)
+            pairs = aligned(bones, playable, lambda bone, h: self._worth(bone, h, beside[bone, h]))
+        why = self.limbs.reasoning(row, column)
+        for bone, bone_human in pairs:
+            self.chosen[bone] = (bone_human, why)
+
+    def _beside(self, bones: Sequence[int], humans: Sequence[int]) -> dict[tuple[int, int], float]:
+        """How well each bone of a limb lies beside each of the human limb, from body to tip.
+
+        Where there are more bones than the human has, those between follow; the tip goes with the
+        tip, and the first is taken for a shoulder, which is used last (section 3.7).
+        """
+        lengths = _lengths(self.armature, bones)
+        shares = overlap(lengths, _lengths(HUMAN, humans))
+        long = lengths / max(float(lengths.sum()), 1e-12)
+        # Every pair counts 1 in itself: a bone that nothing drives is worse than one that lies
+        # a little off. Of too many bones, the long ones are those that are seen to turn.
+        worth = {
+            (bone, human): 1.0 + float(shares[row, column] + 0.8 * long[row])
+            for row, bone in enumerate(bones)
+            for column, human in enumerate(humans)
+        }
+        if len(bones) > len(humans):
+            worth[bones[-1], humans[-1]] += 0.2
+            for human in humans:
+                worth[bones[0], human] -= 0.03
+        return worth
+
+    def _map_spine(self) -> None:
+        """Trunk and head: pelvis where the legs hang, chest where the arms do, head at the end.
+
+        A trunk of no more bones than the spine lies on it bone by bone, as the dog's does in
+        figure 5, whose own head then stays unmapped; unless the head has a neck, and so is a chain
+        of its own.
+        """
+        shape = self.evidence.shape
+        head = next((row for row, column in self.assignment if column == _HEAD), None)
+        legs = self._hubs(_LEGS)
+        trunk = list(shape.trunk)
+        if legs:
+            # What carries the legs is the pelvis; what carries that only marks a place.
+            depth = min(int(self.armature.depths[hub]) for hub in legs)
+            trunk = [bone for bone in trunk if self.armature.depths[bone] >= depth]
+        chain = list(self.evidence.limbs[head].bones) if head is not None else []
+        needs_head = bool(chain) and (len(chain) > 1 or len(trunk) != len(SPINE))
+        if len(trunk) <= (2 if needs_head else len(SPINE)):
+            humans = SPINE[:2] if needs_head else SPINE
+            scores = self.evidence.bone_scores
+            # A pair is always better than none: a trunk bone without one moves nothing.
+            pairs = aligned(trunk, humans, lambda b, h: self._worth(b, h, 1.0 + scores[b, h]))
+        else:
+            pairs = self._long_trunk(trunk, chain)
+        for bone, human in pairs:
+            self.chosen[bone] = (human, self.limbs.spine_reasoning(bone, human))
+        if head is None or not chain:
+            return
+        why = self.limbs.reasoning(head, _HEAD)
+        taken = {human for human, _ in self.chosen.values()}
+        needs_chest = SPINE[1] not in taken and len(chain) > 2 and shape.has_sides
+        if needs_chest and self._possible(chain[0], SPINE[1]):
+            self.chosen[chain[0]] = (SPINE[1], why)
+        if SPINE[2] not in taken:
+            last = [bone for bone in reversed(chain) if self._possible(bone, SPINE[2])]
+            if last:
+                self.chosen[last[0]] = (SPINE[2], why)
+
+    def _long_trunk(self, trunk: list[int], chain: list[int]) -> list[tuple[int, int]]:
+        """Pelvis, chest and, where no limb is the head, head, on a trunk with more bones."""
+        arms = [hub for hub in self._hubs(_ARMS) if hub in trunk[1:]]
+        chest = max(arms, key=trunk.index) if arms else trunk[-1 if chain else len(trunk) // 2]
+        wanted = {(trunk[0], SPINE[0]): 1.0, (chest, SPINE[1]): 1.0}
+        humans = SPINE[:2] if chain else SPINE
+        if not chain and trunk[-1] != chest:
+            wanted[trunk[-1], SPINE[2]] = 1.0
+        scores = self.evidence.bone_scores
+        return aligned(
+            trunk,
+            humans,
+            lambda b, h: self._worth(b, h, 1e-3 + scores[b, h] + 3.0 * wanted.get((b, h), 0.0)),
+        )
+
+    def _hubs(self, columns: Sequence[int]) -> list[int]:
+        """The bones that the limbs driven by these human limbs hang on."""
+        limbs = [self.evidence.limbs[row] for row, column in self.assignment if column in columns]
+        return [limb.hub for limb in limbs if limb.hub >= 0]
+
+    def _map_leftovers(self) -> None:
+        """The Hungarian algorithm over what is left (figure 1, the last block)."""
+        bones = [b for b in range(len(self.armature)) if b not in self.chosen and self.turns[b]]
+        taken = {human for human, _ in self.chosen.values()}
+        humans = [human for human in range(len(HUMAN)) if human not in taken]
+        if not self.evidence.preferences.shoulders:
+            humans = [h for h in humans if not HUMAN_BONE_NAMES[h].startswith("shoulder")]
+        if not bones or not humans:
+            return
+        sides = self.evidence.shape.sides
+        possible = np.array(
+            [
+                [
+                    self._possible(bone, human)
+                    and (not sides[bone] or HUMAN.sides[human] in ("", sides[bone]))
+                    for human in humans
+                ]
+                for bone in bones
+            ]
+        )
+        scores = self.evidence.bone_scores[np.ix_(bones, humans)]
+        for row, column in hungarian(scores, possible):
+            bone, human = bones[row], humans[column]
+            self.chosen[bone] = (human, self.limbs.spine_reasoning(bone, human))
+
+    def _keep_what_was_kept(self) -> None:
+        for bone, (human, act) in self.kept.items():
+            if self.chosen.get(bone, (-1,))[0] == human:
+                continue
+            if act != "set":
+                for other in [b for b, (h, _) in self.chosen.items() if h == human]:
+                    del self.chosen[other]
+            self.chosen[bone] = (human, self.limbs.spine_reasoning(bone, human))
+
+
+def _lengths(armature: Armature, bones: Sequence[int]) -> Floats:
+    return np.asarray(np.linalg.norm(armature.tips[list(bones)], axis=1))

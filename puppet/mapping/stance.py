@@ -77,6 +77,13 @@ def _square_frame(across: Floats, up: Floats) -> Floats:
 
 
 @kernel
+def heading_of(positions: Floats) -> float:
+    """Radians about +Y, 0 facing +Z: the yaw of shoulders and hips. (20, 3) ->"""
+    across = _unit(positions[12] - positions[16]) + _unit(positions[4] - positions[8])
+    return math.atan2(-across[2], across[0])
+
+
+@kernel
 def measure(
     positions: Floats,
     carriers: Ints,
@@ -92,8 +99,7 @@ def measure(
     """
     hips = positions[12] - positions[16]
     shoulders = positions[4] - positions[8]
-    across = _unit(hips) + _unit(shoulders)
-    heading = math.atan2(-across[2], across[0])
+    heading = heading_of(positions)
     back = np.zeros(4)
     back[1], back[3] = math.sin(-0.5 * heading), math.cos(-0.5 * heading)
 
@@ -118,19 +124,30 @@ class Stance:
 
     hip: (3,) metres, stage frame. heading: radians about +Y, 0 facing +Z.
     swings: (17, 4) carrier_from_bone. frames: (17, 4) heading_from_bone.
+    joints: (20, 3) metres from the hip centre, along the performer's own left, up and forward.
     """
 
     hip: Floats
     heading: float
     swings: Floats
     frames: Floats
+    joints: Floats
 
 
 def stance_of(positions: Floats) -> Stance:
     """The stance of a skeleton. positions: (20, 3) metres, stage frame."""
     swings, frames = np.empty((len(HUMAN_BONES), 4)), np.empty((len(HUMAN_BONES), 4))
     heading = measure(positions, CARRIERS, REFERENCES, _STARTS, _ENDS, swings, frames)
-    return Stance(frozen(positions[Joint.HIP_CENTER]), heading, frozen(swings), frozen(frames))
+    hip = positions[Joint.HIP_CENTER]
+    joints = in_heading(positions, hip, heading)
+    return Stance(frozen(hip), heading, frozen(swings), frozen(frames), frozen(joints))
+
+
+def in_heading(positions: Floats, hip: Floats, heading: float) -> Floats:
+    """(N, 3) metres from the hip, along the performer's own left, up and forward."""
+    sine, cosine = math.sin(heading), math.cos(heading)
+    x, y, z = (positions - hip).T
+    return np.stack([cosine * x - sine * z, y, sine * x + cosine * z], axis=1)
 
 
 def measure_into(positions: Floats, swings: Floats, frames: Floats) -> float:
@@ -141,10 +158,10 @@ def measure_into(positions: Floats, swings: Floats, frames: Floats) -> float:
 def upright(hip: Floats, heading: float) -> Stance:
     """Standing straight with hanging arms: the neutral stance before one has been measured."""
     points = np.zeros((len(Joint), 3))
-    for joint, place in _UPRIGHT.items():
+    for joint, place in UPRIGHT.items():
         points[joint] = place
     stance = stance_of(points)
-    return Stance(frozen(hip), heading, stance.swings, stance.frames)
+    return Stance(frozen(hip), heading, stance.swings, stance.frames, stance.joints)
 
 
 def _upright() -> dict[Joint, tuple[float, float, float]]:
@@ -170,4 +187,5 @@ def _upright() -> dict[Joint, tuple[float, float, float]]:
     return points
 
 
-_UPRIGHT: Final = _upright()
+#: Where the joints of an ordinary adult are who stands with hanging arms, metres.
+UPRIGHT: Final = _upright()

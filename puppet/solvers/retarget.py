@@ -18,7 +18,7 @@ from __future__ import annotations
 import numpy as np
 
 from puppet.kernel import Floats, Ints, kernel
-from puppet.rotation import conjugate, exp, log, multiply
+from puppet.rotation import conjugate, exp, log, multiply, shortest
 
 
 @kernel
@@ -43,6 +43,7 @@ def retarget(
     path_starts: Ints,
     path: Ints,
     gains: Floats,
+    follows: Floats,
     turned: Floats,
     bones: Floats,
 ) -> None:
@@ -52,7 +53,8 @@ def retarget(
     parents: (B,). rest_world: (B, 4) armature_from_bone; rest_local: (B, 4) parent_from_bone.
     humans: (B,) human bone of each bone or -1. anchors: (B,) bone or -1 for the body.
     path_starts: (B + 1,) into `path`, the human bones from after the anchor's to the bone's own.
-    gains: (B,). turned: (B, 4) scratch, armature_from_bone turns.
+    gains: (B,). follows: (B,) for bones without a human bone, the share of their parent's turn
+    that they repeat. turned: (B, 4) scratch, armature_from_bone turns.
     """
     world = np.empty((len(parents), 4))
     identity = np.zeros(4)
@@ -60,13 +62,21 @@ def retarget(
     for bone in range(len(parents)):
         parent = parents[bone]
         if humans[bone] < 0:
-            bones[bone] = rest_local[bone]
             if parent < 0:
+                bones[bone] = rest_local[bone]
                 turned[bone] = identity
                 world[bone] = rest_local[bone]
-            else:
+            elif follows[bone] == 0.0:
+                bones[bone] = rest_local[bone]
                 turned[bone] = turned[parent]
                 world[bone] = multiply(world[parent], rest_local[bone])
+            else:
+                above = parents[parent]
+                before = identity if above < 0 else turned[above]
+                own = shortest(multiply(conjugate(before), turned[parent]))
+                turned[bone] = multiply(turned[parent], exp(log(own) * follows[bone]))
+                world[bone] = multiply(turned[bone], rest_world[bone])
+                bones[bone] = multiply(conjugate(world[parent]), world[bone])
             continue
         anchor = anchors[bone]
         total = identity.copy() if anchor < 0 else turned[anchor].copy()

@@ -1,0 +1,209 @@
+"""IK drive: control points of the performer become goals for the puppet's end effectors.
+
+What counts is how a control point has moved since the neutral stance. Its way is taken in two
+parts, as the body makes it: what carries the limb (shoulders over hips) and the limb itself; each
+is scaled by what the puppet has in its place, length to length, and added to where the effector
+rests. Beyond reach the solver gives in softly.
+
+Feet are different: they stand. Upwards they count from the floor, and along it they go as far as
+the puppet itself goes, so that a planted foot stays planted while the body sways above it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+
+from puppet.armature import Armature
+from puppet.kernel import Floats
+from puppet.mapping.anatomy import anatomy
+from puppet.mapping.human import HUMAN_LIMBS, HumanLimb
+from puppet.mapping.placement import Placement
+from puppet.mapping.proposal import Pair
+from puppet.mapping.stance import UPRIGHT, Stance, heading_of, in_heading
+from puppet.mapping.symmetry import sides_of
+from puppet.pose import Goal, Intent, Pose
+from puppet.skeleton import HUMAN_BONES, JOINT_COUNT, Joint, SkeletonFrame
+
+#: The joint that each human limb hangs on, by the limb's name.
+ANCHORS: Final = {
+    "head": Joint.SHOULDER_CENTER,
+    "arm.R": Joint.SHOULDER_RIGHT,
+    "arm.L": Joint.SHOULDER_LEFT,
+    "leg.R": Joint.HIP_RIGHT,
+    "leg.L": Joint.HIP_LEFT,
+}
+#: A body that is large against its limbs, or the other way round, scales at most so much.
+_MOST: Final = 6.0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Line:
+    """From one control point to one end effector, worked out once.
+
+    carried, limb: metres of the puppet for each metre of the performer, along (left, up, forward):
+    of what carries the limb, and of the limb. stands: whether it is a foot.
+    """
+
+    bone: int
+    rest: Floats
+    anchor: Joint
+    tip: Joint
+    carried: Floats
+    limb: Floats
+    stands: bool
+    why: str
+
+
+class EffectorDrive:
+    """A `Mapping`: rest as the base pose, and a goal for every end effector that has a partner.
+
+    Pure: the same frame gives the same intent. A control point that is lost loses its influence,
+    and its effector goes home.
+    """
+
+    def __init__(
+        self,
+        armature: Armature,
+        pairs: Iterable[Pair],
+        neutral: Stance,
+        placement: Placement | None = None,
+        reach: float = 1.0,
+    ) -> None:
+        """`reach`: multiplies how far the effectors go."""
+        self.armature = armature
+        self.pairs = tuple(pairs)
+        self.neutral = neutral
+        self.reach = reach
+        self.effectors = tuple(bone for pair in self.pairs for bone in pair.bones)
+        self._asked = placement or Placement()
+        legs = [_leg_scale(armature, pair) * reach for pair in self.pairs if _limb(pair).is_leg]
+        self.placement = self._asked
+        if legs and self._asked.grounded:
+            # It stands on legs of its own: it goes down when they bend, as far as they can.
+            mean = float(np.mean(legs))
+            follow = np.array(self._asked.follow, float)
+            follow[1] = mean
+            if np.isnan(follow).any():
+                follow[np.isnan(follow)] = mean
+            self.placement = replace(self._asked, follow=follow, sinks=True)
+        elif np.isnan(self._asked.follow).any():
+            follow = np.where(np.isnan(self._asked.follow), 0.3, self._asked.follow)
+            self.placement = replace(self._asked, follow=follow)
+        self._lines = tuple(
+            line for pair in self.pairs for line in _lines(armature, pair, self.placement, reach)
+        )
+
+    def with_neutral(self, neutral: Stance) -> EffectorDrive:
+        """The same mapping, counted from another neutral stance."""
+        return EffectorDrive(self.armature, self.pairs, neutral, self._asked, self.reach)
+
+    def __call__(self, frame: SkeletonFrame) -> Intent:
+        neutral, place = self.neutral, self.placement
+        heading = heading_of(frame.positions)
+        joints = in_heading(frame.positions, frame.positions[Joint.HIP_CENTER], heading)
+        gone = joints - neutral.joints
+        risen = float(frame.positions[Joint.HIP_CENTER, 1] - neutral.hip[1])
+        translation, rotation = place.root(frame, neutral, heading)
+        sunk = float(place.moved(frame, neutral)[1])
+        goals = []
+        for line in self._lines:
+            trust = float(min(frame.influence[line.anchor], frame.influence[line.tip]))
+            if line.stands:
+                way = line.limb * gone[line.tip]
+                way[1] = max(line.limb[1] * (gone[line.tip, 1] + risen), 0.0)
+                # Where the foot belongs does not depend on how far the body has gone down.
+                position = line.rest + way * trust - np.array([0.0, sunk, 0.0])
+            else:
+                way = line.carried * gone[line.anchor]
+                way = way + line.limb * (gone[line.tip] - gone[line.anchor])
+                position = line.rest + way * trust
+            goals.append(Goal(line.bone, position, why=line.why))
+        base = Pose(translation, rotation, self.armature.rotations)
+        return Intent(base, tuple(goals))
+
+
+def _limb(pair: Pair) -> HumanLimb:
+    """The limb whose tip is the pair's control point."""
+    return next(limb for limb in HUMAN_LIMBS if limb.tip == pair.human)
+
+
+def _lines(armature: Armature, pair: Pair, placement: Placement, reach: float) -> Iterable[_Line]:
+    human = _limb(pair)
+    anchor, tip = ANCHORS[human.name], HUMAN_BONES[human.tip].end
+    sides = sides_of(armature)
+    stands = human.is_leg and placement.grounded
+    for bone in pair.bones:
+        base, length = _chain(armature, bone)
+        root = armature.rest[0][_root_of(armature, bone)]
+        body = float(np.linalg.norm(armature.rest[0][base] - root))
+        carried = np.full(3, _scale(body, _human_body(anchor)) * reach)
+        limb = np.full(3, _scale(length, _human_length(human)) * reach)
+        if human.side and sides[bone] and sides[bone] != human.side:
+            # A master on both sides: what goes outwards for one goes outwards for the other.
+            carried[0], limb[0] = -carried[0], -limb[0]
+        if stands:
+            limb[0], limb[2] = placement.follow[0], placement.follow[2]
+        yield _Line(
+            bone, armature.rest_tips[bone], anchor, tip, carried, limb, stands, pair.partner
+        )
+
+
+def _leg_scale(armature: Armature, pair: Pair) -> float:
+    lengths = [_chain(armature, bone)[1] for bone in pair.bones]
+    return _scale(float(np.mean(lengths)), _human_length(_limb(pair)))
+
+
+def _scale(ours: float, human: float) -> float:
+    return min(ours / human, _MOST)
+
+
+def _chain(armature: Armature, bone: int) -> tuple[int, float]:
+    """The first bone of the chain that ends in `bone`, and metres from there to its tip."""
+    shape = anatomy(armature)
+    trunk = set(shape.trunk)
+    first, length = bone, float(np.linalg.norm(armature.tips[bone]))
+    while True:
+        parent = int(armature.parents[first])
+        # A root does not turn, so it is no part of what reaches.
+        if parent < 0 or parent in trunk or armature.parents[parent] < 0:
+            return first, length
+        length += float(np.linalg.norm(armature.offsets[first]))
+        first = parent
+
+
+def _root_of(armature: Armature, bone: int) -> int:
+    while armature.parents[bone] >= 0:
+        bone = int(armature.parents[bone])
+    return bone
+
+
+def _human_length(limb: HumanLimb) -> float:
+    """Metres along a limb of an ordinary adult, from its anchor to the control point.
+
+    The performer's own length would be as good; but trackers' feet and hands jump, and lengths of
+    limbs are much alike.
+    """
+    points = _upright()
+    bones = limb.playable
+    return float(
+        sum(
+            np.linalg.norm(points[HUMAN_BONES[b].end] - points[HUMAN_BONES[b].start]) for b in bones
+        )
+    )
+
+
+def _human_body(anchor: Joint) -> float:
+    """Metres from the hip centre to where a limb hangs."""
+    points = _upright()
+    return float(np.linalg.norm(points[anchor] - points[Joint.HIP_CENTER]))
+
+
+def _upright() -> Floats:
+    points = np.zeros((JOINT_COUNT, 3))
+    for joint, place in UPRIGHT.items():
+        points[joint] = place
+    return points

@@ -1,0 +1,59 @@
+"""Recognising an armature: the same rig next time, and what is different in a changed one."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from puppet.armature import Armature
+
+#: Digits of positions (in armature sizes) and quaternions that count.
+_DIGITS: Final = 5
+
+
+@dataclass(frozen=True, slots=True)
+class BoneRecord:
+    """What a fingerprint knows of a bone. rest: offset x, y, z in sizes and rotation xyzw."""
+
+    parent: str
+    rest: tuple[float, ...]
+
+
+def bone_records(armature: Armature) -> dict[str, BoneRecord]:
+    """By name, in the order of the names: neither the order of bones nor the scale matters."""
+    size = max(armature.size, 1e-12)
+    records = {}
+    for bone, name in enumerate(armature.names):
+        parent = int(armature.parents[bone])
+        turn = armature.rotations[bone]
+        rest = np.concatenate([armature.offsets[bone] / size, turn if turn[3] >= 0.0 else -turn])
+        # + 0.0: a negative zero is a zero.
+        rounded = tuple(round(float(value), _DIGITS) + 0.0 for value in rest)
+        records[name] = BoneRecord(armature.names[parent] if parent >= 0 else "", rounded)
+    return dict(sorted(records.items()))
+
+
+def fingerprint(armature: Armature) -> str:
+    """16 hexadecimal digits: the same for the same names, parents and rest pose."""
+    records = [[name, bone.parent, *bone.rest] for name, bone in bone_records(armature).items()]
+    return hashlib.sha256(json.dumps(records).encode()).hexdigest()[:16]
+
+
+def differences(was: Mapping[str, BoneRecord], now: Mapping[str, BoneRecord]) -> Iterator[str]:
+    """What changed, a sentence for each bone."""
+    for name in was:
+        if name not in now:
+            yield f"{name} is gone"
+    for name, bone in now.items():
+        if name not in was:
+            yield f"{name} is new" + (f", on {bone.parent}" if bone.parent else "")
+        elif was[name].parent != bone.parent:
+            before, after = was[name].parent or "nothing", bone.parent or "nothing"
+            yield f"{name} hung on {before}, and now on {after}"
+        elif not np.allclose(was[name].rest, bone.rest, atol=5 * 10.0**-_DIGITS):
+            yield f"{name} rests differently"

@@ -1,0 +1,37 @@
+"""Why a pair was proposed: the parts of its score, how sure that is, and what else there was."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from puppet.mapping.confidence import confidence
+from puppet.mapping.proposal import Pair, RunnerUp
+
+
+@dataclass(frozen=True, slots=True)
+class Reasoning:
+    """What stands behind the pairs of one limb, or behind one pair of the trunk.
+
+    parts: contributions by the names in `evidence.PARTS`; they add up to score.
+    margin: how much worse the whole would be without it.
+    """
+
+    score: float
+    margin: float
+    parts: dict[str, float]
+    runners_up: tuple[RunnerUp, ...]
+
+    def pair(self, name: str, bones: tuple[int, ...], human: int, decided: str) -> Pair:
+        """A pair with this reasoning; what the operator decided is certain."""
+        sure = 1.0 if decided else confidence(self.score, self.margin)
+        return Pair(
+            name,
+            bones,
+            human,
+            self.score,
+            sure,
+            self.margin,
+            self.parts,
+            tuple(other for other in self.runners_up if other.human != human),
+            decided,
+        )

@@ -1,0 +1,330 @@
+"""The mapping service: proposes, takes decisions, undoes, explains, and keeps what was decided.
+
+One object for all puppets of a show. It knows neither the bus nor the stage: whoever holds it hears
+of every new mapping through `on_change`, called before the one who decided gets an answer.
+`puppet map`, the stage and its clients all go through this.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field, replace
+from datetime import UTC, datetime
+from functools import cached_property
+from pathlib import Path
+
+import msgspec
+
+from puppet.armature import Armature
+from puppet.errors import BadDecisionError, PuppetError
+from puppet.formats.mapping_file import (
+    BoneRow,
+    Entry,
+    KeptRecord,
+    MappingFile,
+    StepRow,
+    read_mappings,
+    write_mappings,
+)
+from puppet.mapping.decisions import LONGEST_HISTORY, Decision, Ledger, Verdicts
+from puppet.mapping.effectors import propose_effectors
+from puppet.mapping.evidence import Evidence, gather
+from puppet.mapping.fingerprint import BoneRecord, bone_records, differences, fingerprint
+from puppet.mapping.forward import propose_forward
+from puppet.mapping.preferences import Preferences
+from puppet.mapping.proposal import Mode, Pair, Proposal
+
+#: Proposals that are made at most at once.
+MOST_PROPOSALS = 50
+
+
+@dataclass(frozen=True)
+class Rig:
+    """An armature as its file gives it, with what the mapping wants to know beside it.
+
+    masters: by name, the effectors of each. follows: by bone, the share of its parent's turn that
+    it repeats when nothing drives it.
+    """
+
+    armature: Armature
+    preferences: Preferences = field(default_factory=Preferences)
+    masters: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    follows: Mapping[str, float] = field(default_factory=dict)
+
+    @cached_property
+    def fingerprint(self) -> str:
+        """The key of what is decided about it."""
+        return fingerprint(self.armature)
+
+    def evidence(self, mode: Mode) -> Evidence:
+        """Worked out once; a decision does not change it."""
+        return self._forward if mode == "fk" else self._effectors
+
+    @cached_property
+    def _forward(self) -> Evidence:
+        follows = [self.follows.get(name, 0.0) for name in self.armature.names]
+        return gather(self.armature, self.preferences, follows)
+
+    @cached_property
+    def _effectors(self) -> Evidence:
+        return gather(self.armature, self.preferences, pieces=False)
+
+    def propose(self, verdicts: Verdicts, mode: Mode | None = None, k: int = 1) -> list[Proposal]:
+        """The k best mappings, best first."""
+        mode = mode or verdicts.mode
+        build = propose_forward if mode == "fk" else propose_effectors
+        return build(self.evidence(mode), verdicts, k)
+
+
+@dataclass
+class _Puppet:
+    name: str
+    rig: Rig
+    ledger: Ledger
+    warnings: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class History:
+    """What was decided of a puppet.
+
+    steps: sentences, oldest first. holds: how many of them hold; the others can be redone.
+    """
+
+    steps: tuple[str, ...]
+    holds: int
+
+
+class MappingService:
+    """See the module. Safe to be called from several threads."""
+
+    def __init__(
+        self,
+        rigs: Mapping[str, Rig],
+        modes: Mapping[str, Mode] | None = None,
+        path: Path | None = None,
+        on_change: Callable[[str, Proposal], None] | None = None,
+    ) -> None:
+        """`path`: where decisions are kept; None keeps them in memory only.
+
+        Raises BadFileError for a mapping file that makes no sense.
+        """
+        self._lock = threading.RLock()
+        self._path = path
+        self.on_change = on_change
+        self._file = MappingFile() if path is None else read_mappings(path)
+        self._puppets = {
+            name: self._meet(name, rig, (modes or {}).get(name, "fk")) for name, rig in rigs.items()
+        }
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The puppets."""
+        return tuple(self._puppets)
+
+    def current(self, puppet: str) -> Proposal:
+        """The mapping that drives a puppet now."""
+        with self._lock:
+            its = self._find(puppet)
+            return its.rig.propose(its.ledger.verdicts)[0]
+
+    def propose(self, puppet: str, mode: Mode | None = None, k: int = 1) -> list[Proposal]:
+        """The k best mappings around what was decided. Raises BadDecisionError."""
+        if not 1 <= k <= MOST_PROPOSALS:
+            raise BadDecisionError(
+                "so many proposals cannot be made",
+                where="k",
+                expected=f"1 to {MOST_PROPOSALS}",
+                found=str(k),
+            )
+        with self._lock:
+            its = self._find(puppet)
+            return its.rig.propose(its.ledger.verdicts, mode, k)
+
+    def decide(self, puppet: str, decisions: Iterable[Decision], who: str = "") -> Proposal:
+        """Take decisions, as one step that can be undone. -> the mapping that follows
+
+        They are on the disk, and `on_change` has been told, when this returns. Raises
+        BadDecisionError for what is not possible, and UnavailableError if it cannot be saved; in
+        both cases nothing has changed.
+        """
+        now = datetime.now(UTC).isoformat(timespec="seconds")
+        step = [
+            msgspec.structs.replace(decision, who=decision.who or who, when=decision.when or now)
+            for decision in decisions
+        ]
+        return self._change(puppet, lambda its: its.ledger.with_step(step, its.rig.armature))
+
+    def undo(self, puppet: str) -> Proposal:
+        """Take back the last step. Raises BadDecisionError if there is none."""
+        return self._change(puppet, lambda its: its.ledger.undone())
+
+    def redo(self, puppet: str) -> Proposal:
+        """Bring back the last step that was undone. Raises BadDecisionError if there is none."""
+        return self._change(puppet, lambda its: its.ledger.redone())
+
+    def verdicts(self, puppet: str) -> Verdicts:
+        """What holds now."""
+        with self._lock:
+            return self._find(puppet).ledger.verdicts
+
+    def history(self, puppet: str) -> History:
+        """What was decided, for people."""
+        with self._lock:
+            ledger = self._find(puppet).ledger
+            steps = tuple(
+                "; ".join(decision.sentence() for decision in step)
+                + (f" ({step[0].who})" if step[0].who else "")
+                for step in ledger.steps
+            )
+            return History(steps, ledger.cursor)
+
+    def warnings(self, puppet: str) -> tuple[str, ...]:
+        """What did not fit when the decisions were read, a sentence each."""
+        return self._find(puppet).warnings
+
+    def explain(self, puppet: str, bone: str, mode: Mode | None = None) -> Pair | None:
+        """The pair of a bone, effector or master with its reasons; None if nothing drives it.
+
+        Raises BadDecisionError for a bone that is not there.
+        """
+        proposal = self.propose(puppet, mode)[0]
+        pair = next((pair for pair in proposal.pairs if pair.name == bone), None)
+        if pair is None and bone not in (*proposal.armature.names, *proposal.unmapped):
+            raise BadDecisionError(
+                "there is no such bone",
+                where=puppet,
+                expected=f"one of {', '.join(proposal.armature.names)}",
+                found=bone,
+            )
+        return pair
+
+    def save(self) -> Path:
+        """Write the file again, though every decision has done so. Raises UnavailableError."""
+        with self._lock:
+            if self._path is None:
+                raise BadDecisionError("these decisions are kept in memory only")
+            write_mappings(self._path, self._file)
+            return self._path
+
+    def load(self) -> tuple[str, ...]:
+        """Read the file anew, as somebody edited it. -> warnings
+
+        Raises BadFileError for a file that makes no sense; then nothing has changed.
+        """
+        with self._lock:
+            if self._path is None:
+                raise BadDecisionError("these decisions are kept in memory only")
+            before = self._file
+            self._file = read_mappings(self._path)
+            try:
+                met = {
+                    name: self._meet(name, its.rig, its.ledger.start.mode)
+                    for name, its in self._puppets.items()
+                }
+            except PuppetError:
+                self._file = before
+                raise
+            self._puppets = met
+            for name in met:
+                self._tell(name)
+            return tuple(warning for its in met.values() for warning in its.warnings)
+
+    def _find(self, puppet: str) -> _Puppet:
+        try:
+            return self._puppets[puppet]
+        except KeyError:
+            raise BadDecisionError(
+                "there is no such puppet on stage",
+                expected=f"one of {', '.join(self._puppets)}",
+                found=puppet,
+            ) from None
+
+    def _change(self, puppet: str, change: Callable[[_Puppet], Ledger]) -> Proposal:
+        with self._lock:
+            its = self._find(puppet)
+            ledger = change(its)
+            proposal = its.rig.propose(ledger.verdicts)[0]
+            if self._path is not None:
+                file = self._file.with_entry(_entry(its.name, its.rig, ledger))
+                write_mappings(self._path, file)
+                self._file = file
+            its.ledger = ledger
+            if self.on_change is not None:
+                self.on_change(puppet, proposal)
+            return proposal
+
+    def _tell(self, puppet: str) -> None:
+        if self.on_change is not None:
+            self.on_change(puppet, self.current(puppet))
+
+    def _meet(self, name: str, rig: Rig, mode: Mode) -> _Puppet:
+        """A puppet with what was decided of its rig, or of the rig that had its name."""
+        fresh = Ledger(Verdicts(mode, masters=dict(rig.masters)))
+        entry = self._file.entry(name, rig.fingerprint)
+        if entry is not None:
+            ledger, warnings = _replayed(entry, rig, fresh.start)
+            return _Puppet(name, rig, ledger, tuple(f"{name}: {text}" for text in warnings))
+        namesakes = [entry for entry in self._file.puppets if entry.puppet == name]
+        if not namesakes:
+            return _Puppet(name, rig, fresh)
+        entry = namesakes[-1]
+        was = {row.name: BoneRecord(row.parent, row.rest) for row in entry.bones}
+        changes = list(differences(was, bone_records(rig.armature)))
+        ledger, warnings = _replayed(entry, rig, fresh.start)
+        changed = "its rig has changed since it was decided about: " + "; ".join(changes)
+        return _Puppet(name, rig, ledger, tuple(f"{name}: {w}" for w in (changed, *warnings)))
+
+
+def _entry(name: str, rig: Rig, ledger: Ledger) -> Entry:
+    start = ledger.start
+    return Entry(
+        puppet=name,
+        fingerprint=rig.fingerprint,
+        mode=start.mode if len(ledger.steps) == LONGEST_HISTORY else None,
+        holds=ledger.cursor,
+        steps=tuple(StepRow(step) for step in ledger.steps),
+        kept=tuple(KeptRecord(m, b, human, act) for (m, b), (human, act) in start.kept.items()),
+        banned=tuple(KeptRecord(m, b, human, act) for (m, b, human), act in start.banned.items()),
+        masters=dict(start.masters),
+        bones=tuple(
+            BoneRow(bone, record.parent, record.rest)
+            for bone, record in bone_records(rig.armature).items()
+        ),
+    )
+
+
+def _replayed(entry: Entry, rig: Rig, fresh: Verdicts) -> tuple[Ledger, list[str]]:
+    """The steps of a file on an armature; what does not fit it is left out, with a warning."""
+    warnings: list[str] = []
+    state = fresh if entry.mode is None else replace(fresh, mode=entry.mode)
+    before = [
+        *(Decision("group", "ik", m, effectors=e) for m, e in entry.masters.items()),
+        *(Decision(record.act, record.mode, record.bone, record.human) for record in entry.kept),
+        *(Decision(record.act, record.mode, record.bone, record.human) for record in entry.banned),
+    ]
+    for decision in before:
+        try:
+            state = state.with_act(decision, rig.armature)
+        except BadDecisionError as error:
+            warnings.append(_left_out(decision, error))
+    ledger = Ledger(state)
+    held = 0
+    for index, row in enumerate(entry.steps):
+        fitting: list[Decision] = []
+        for decision in row.decisions:
+            try:
+                ledger.with_step((*fitting, decision), rig.armature)
+                fitting.append(decision)
+            except BadDecisionError as error:
+                warnings.append(_left_out(decision, error))
+        if fitting:
+            ledger = ledger.with_step(fitting, rig.armature)
+            held += index < entry.holds
+    return ledger.moved_to(held), warnings
+
+
+def _left_out(decision: Decision, error: BadDecisionError) -> str:
+    found = f" ({error.found})" if error.found else ""
+    return f"left out “{decision.sentence()}”: {error.what}{found}"

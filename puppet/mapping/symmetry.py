@@ -1,0 +1,149 @@
+"""Left and right in an armature: by the names of its bones, or by its shape where they say nothing.
+
+By shape, two limbs are a left and a right one when they mirror each other: siblings of the same
+build whose ends lie square to a plane that the other such pairs share. Which of them is the left
+one depends on where the character faces: along the feet or fins at the ends of its limbs, and +Z
+where these say nothing (glTF's convention).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Final
+
+import numpy as np
+
+from puppet.armature import Armature, Side
+from puppet.kernel import Floats
+
+#: How alike the lengths of mirrored bones must be, as a share; and how square, as a cosine.
+_ALIKE: Final = 0.1
+_SQUARE: Final = 0.94
+#: More limbs than this on one bone are a fringe, and no lefts and rights.
+_MANY: Final = 32
+_UP: Final = np.array([0.0, 1.0, 0.0])
+
+
+def sides_of(armature: Armature) -> tuple[Side, ...]:
+    """Left, right or middle for each bone."""
+    if any(armature.sides):
+        return armature.sides
+    return _by_shape(armature)
+
+
+def _by_shape(armature: Armature) -> tuple[Side, ...]:
+    sides: list[Side] = [""] * len(armature)
+    pairs = _mirrored(armature)
+    across = _shared_direction(armature, pairs)
+    if across is None:
+        return tuple(sides)
+    left = _leftwards(armature, across, pairs)
+    for one, other in pairs:
+        apart = _middle(armature, one) - _middle(armature, other)
+        length = float(np.linalg.norm(apart))
+        if length < 1e-9 or abs(float(apart @ left)) < _SQUARE * length:
+            continue
+        first: Side = "L" if float(apart @ left) > 0.0 else "R"
+        second: Side = "R" if first == "L" else "L"
+        for start, side in ((one, first), (other, second)):
+            for bone in _below(armature, start):
+                sides[bone] = side
+    return tuple(sides)
+
+
+def _mirrored(armature: Armature) -> list[tuple[int, int]]:
+    """Siblings (or roots) of the same build, two by two; three alike are no left and right."""
+    families: dict[int, list[int]] = {}
+    for bone, parent in enumerate(armature.parents):
+        families.setdefault(int(parent), []).append(bone)
+    pairs = []
+    for family in families.values():
+        if not 2 <= len(family) <= _MANY:
+            continue
+        signatures = {bone: _signature(armature, bone) for bone in family}
+        taken: set[int] = set()
+        for place, bone in enumerate(family):
+            alike = [
+                other
+                for other in family[place + 1 :]
+                if other not in taken and _same_build(signatures[bone], signatures[other])
+            ]
+            if bone in taken or not alike:
+                continue
+            # Fore and hind legs of one hub may all be alike: the nearest in height and depth is
+            # the one across.
+            partner = min(alike, key=lambda other: _crookedness(armature, bone, other))
+            taken.update((bone, partner))
+            pairs.append((bone, partner))
+    return pairs
+
+
+def _signature(armature: Armature, start: int) -> tuple[list[int], Floats]:
+    """The build of what hangs on a bone: how many children each has, and how long each is."""
+    bones = _below(armature, start)
+    lengths = np.linalg.norm(armature.tips[bones], axis=1)
+    return sorted(len(armature.children[bone]) for bone in bones), np.sort(lengths)
+
+
+def _same_build(a: tuple[list[int], Floats], b: tuple[list[int], Floats]) -> bool:
+    if a[0] != b[0]:
+        return False
+    scale = max(float(a[1].max()), float(b[1].max()), 1e-12)
+    return bool(np.all(np.abs(a[1] - b[1]) <= _ALIKE * scale))
+
+
+def _crookedness(armature: Armature, one: int, other: int) -> float:
+    """How far the line between two limbs is from being square to their common middle."""
+    start, end = _middle(armature, one), _middle(armature, other)
+    parent = int(armature.parents[one])
+    hub = armature.rest[0][parent] if parent >= 0 else np.zeros(3)
+    apart = end - start
+    length = float(np.linalg.norm(apart))
+    return abs(float(apart @ ((start + end) / 2.0 - hub))) / length if length > 1e-9 else np.inf
+
+
+def _shared_direction(armature: Armature, pairs: Sequence[tuple[int, int]]) -> Floats | None:
+    """The line across that most pairs agree on, if it is not the vertical one."""
+    lines = []
+    for one, other in pairs:
+        apart = _middle(armature, one) - _middle(armature, other)
+        length = float(np.linalg.norm(apart))
+        if length > 1e-9:
+            lines.append((apart / length, length))
+    if not lines:
+        return None
+    support = [
+        sum(weight for line, weight in lines if abs(float(line @ other)) > _SQUARE)
+        for other, _ in lines
+    ]
+    across = lines[int(np.argmax(support))][0]
+    return None if abs(float(across @ _UP)) > 0.7 else np.asarray(across)
+
+
+def _leftwards(armature: Armature, across: Floats, pairs: Sequence[tuple[int, int]]) -> Floats:
+    """`across`, pointing to the character's left."""
+    forward = np.cross(across, _UP)
+    forward /= max(float(np.linalg.norm(forward)), 1e-9)
+    positions, tips = armature.rest[0], armature.rest_tips
+    limbs = [bone for pair in pairs for start in pair for bone in _below(armature, start)]
+    ends = [bone for bone in limbs if not armature.children[bone]]
+    lowest = min((float(tips[bone][1]) for bone in ends), default=0.0)
+    feet = [b for b in ends if tips[b][1] - lowest < 0.15 * max(armature.size, 1e-9)]
+    along = float(sum((tips[bone] - positions[bone]) @ forward for bone in feet))
+    if abs(along) < 0.01 * armature.size:
+        along = float(forward[2]) if abs(float(forward[2])) > 0.1 else float(forward[0])
+    left = np.cross(_UP, forward if along >= 0.0 else -forward)
+    return np.asarray(left)
+
+
+def _middle(armature: Armature, start: int) -> Floats:
+    """The mean of a limb's ends at rest."""
+    return np.asarray(armature.rest_tips[_below(armature, start)].mean(axis=0))
+
+
+def _below(armature: Armature, start: int) -> list[int]:
+    """A bone and all that hang on it."""
+    bones = [start]
+    for bone in bones:
+        bones.extend(armature.children[bone])
+    return bones
