@@ -2,24 +2,30 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from puppet.errors import BadShowError
-from puppet.formats.armature_toml import load_puppet
-from puppet.mapping.drive import Placement
-from puppet.mapping.forward import propose_forward
+from puppet.formats.armature_toml import Puppet, load_puppet
+from puppet.formats.mapping_file import mappings_path
+from puppet.mapping.placement import Placement
 from puppet.mapping.proposal import Proposal
+from puppet.mapping.service import MappingService, Rig
 from puppet.mesh import Model
 from puppet.show import PuppetConfig, Show
+from puppet.solvers.floor import FloorPoints, floor_points
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class StagedPuppet:
-    """A puppet on stage: its file, its model at `scale` times the file's size, what drives it
-    and where it stands."""
+    """A puppet on stage: its file, its model at `scale` times the file's size, and where it stands.
+
+    proposal: the mapping that it starts with. reach: multiplies how far IK lets it go.
+    floor: the points of its skin that may touch the floor; None if it is not on the floor.
+    """
 
     name: str
     path: Path
@@ -27,35 +33,78 @@ class StagedPuppet:
     model: Model
     proposal: Proposal
     placement: Placement
+    reach: float
+    floor: FloorPoints | None
 
 
-def load_cast(show: Show, show_path: Path) -> tuple[StagedPuppet, ...]:
-    """Load every puppet of a show and propose its mapping.
+@dataclass(frozen=True, slots=True, eq=False)
+class Cast:
+    """All puppets of a show, and the service that maps them."""
 
-    Raises BadFileError for a model that cannot be read, and BadShowError for one in which nothing
-    could be mapped.
+    puppets: tuple[StagedPuppet, ...]
+    mappings: MappingService
+
+    def __iter__(self) -> Iterator[StagedPuppet]:
+        return iter(self.puppets)
+
+    def __len__(self) -> int:
+        return len(self.puppets)
+
+
+def load_cast(show: Show, show_path: Path) -> Cast:
+    """Load every puppet of a show, and map it as was decided the last time.
+
+    Raises BadFileError for a model or a mapping file that cannot be read, and BadShowError for a
+    puppet in which nothing could be mapped.
     """
-    return tuple(_stage(puppet, show_path.parent) for puppet in show.puppets)
+    loaded = {}
+    for config in show.puppets:
+        path = (show_path.parent / config.armature).resolve()
+        loaded[config.name] = (config, path, load_puppet(path))
+    kept = mappings_path(show_path)
+    service = MappingService(
+        {name: rig_of(puppet) for name, (_, _, puppet) in loaded.items()},
+        {config.name: config.mode for config in show.puppets},
+        kept if show.mappings is None else show_path.parent / show.mappings,
+    )
+    puppets = []
+    for name, (config, path, puppet) in loaded.items():
+        proposal = service.current(name)
+        if not proposal.pairs:
+            raise BadShowError(
+                "nothing of this armature could be mapped",
+                where=path,
+                found=f"bones {', '.join(puppet.model.armature.names[:20])}",
+                hint=_what_to_do(proposal),
+            )
+        puppets.append(_staged(config, path, puppet, proposal))
+    return Cast(tuple(puppets), service)
 
 
-def _stage(config: PuppetConfig, folder: Path) -> StagedPuppet:
-    path = (folder / config.armature).resolve()
-    puppet = load_puppet(path)
+def rig_of(puppet: Puppet) -> Rig:
+    """What the mapping wants to know of a puppet."""
+    follows = {name: bone.follow for name, bone in puppet.traits.bones.items() if bone.follow}
+    return Rig(
+        puppet.model.armature, puppet.traits.preferences, dict(puppet.traits.masters), follows
+    )
+
+
+def _what_to_do(proposal: Proposal) -> str:
+    if proposal.mode == "ik":
+        return 'IK needs a chain of two bones or more: try mode = "fk"'
+    return "bones that slide or are fixed cannot be driven; see the .toml beside the model"
+
+
+def _staged(config: PuppetConfig, path: Path, puppet: Puppet, proposal: Proposal) -> StagedPuppet:
     scale = 1.0 if config.height is None else config.height / max(puppet.model.height, 1e-6)
     model = puppet.model.scaled(scale)
-    proposal = propose_forward(model.armature)
-    if not proposal.pairs:
-        raise BadShowError(
-            "no bone of this armature could be mapped",
-            where=path,
-            found=f"bones {', '.join(puppet.model.armature.names)}",
-        )
-    follow = config.follow if isinstance(config.follow, tuple) else (config.follow,) * 3
+    follow = config.follow
     placement = Placement(
         position=np.array(config.position, float),
         yaw=float(np.radians(config.yaw)),
-        follow=np.array(follow, float),
+        follow=None if follow is None else np.broadcast_to(np.array(follow, float), 3).copy(),
         turn=config.turn,
         grounded=puppet.traits.grounded,
     )
-    return StagedPuppet(config.name, path, scale, model, proposal, placement)
+    floor = floor_points(model) if puppet.traits.grounded else None
+    return StagedPuppet(config.name, path, scale, model, proposal, placement, config.reach, floor)

@@ -209,14 +209,118 @@ def import_(
 
 @app.command(name="map")
 def map_(
-    armature: Annotated[Path, typer.Argument(help="The puppet, .glb or .gltf.")],
-    mode: Annotated[str, typer.Option(help="How it is driven: fk.")] = "fk",
+    armature: Annotated[
+        Path,
+        typer.Argument(help="The puppet: .glb .gltf .bvh .urdf .xml (MuJoCo), or its .toml."),
+    ],
+    mode: Annotated[
+        str, typer.Option(help="How it is driven: fk, bone to bone, or ik, by its ends.")
+    ] = "fk",
     json: Annotated[bool, typer.Option("--json", help="For programs.")] = False,
+    explain: Annotated[
+        bool, typer.Option(help="Also say why, and what else there was for each pair.")
+    ] = False,
+    k: Annotated[int, typer.Option("--k", help="So many mappings, best first.")] = 1,
+    lock: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="BONE=HUMAN",
+            help="Keep this pair, and map around it; HUMAN may be a limb (arm.R). Repeatable.",
+        ),
+    ] = None,
+    forbid: Annotated[
+        list[str] | None,
+        typer.Option(metavar="BONE=HUMAN", help="Never this pair. Repeatable."),
+    ] = None,
+    matrix: Annotated[
+        str | None,
+        typer.Option(
+            metavar="BLOCK",
+            help="Print one block of the score matrix instead: similarity, constraint, path, "
+            "symmetry, combined.",
+        ),
+    ] = None,
 ) -> None:
     """Propose how the human body drives an armature."""
-    from puppet.commands.files import map_armature
+    from puppet.commands.mapping import map_armature
 
-    map_armature(armature, mode, json)
+    map_armature(
+        armature,
+        mode,
+        as_json=json,
+        explain=explain,
+        k=k,
+        lock=lock or (),
+        forbid=forbid or (),
+        matrix=matrix,
+    )
+
+
+@app.command()
+def decide(
+    show: ShowFile,
+    puppet: Annotated[
+        str | None, typer.Argument(help="Which puppet; all are listed if it is left out.")
+    ] = None,
+    mode: Annotated[str | None, typer.Option(help="Drive it by fk or ik from now on.")] = None,
+    lock: Annotated[
+        list[str] | None,
+        typer.Option(metavar="BONE=HUMAN", help="Keep this pair; the rest is mapped around it."),
+    ] = None,
+    accept: Annotated[
+        list[str] | None, typer.Option(metavar="BONE=HUMAN", help="This proposal was right.")
+    ] = None,
+    set_: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--set", metavar="BONE=HUMAN", help="By hand; HUMAN may drive other bones as well."
+        ),
+    ] = None,
+    reject: Annotated[
+        list[str] | None, typer.Option(metavar="BONE=HUMAN", help="This proposal was wrong.")
+    ] = None,
+    forbid: Annotated[
+        list[str] | None, typer.Option(metavar="BONE=HUMAN", help="Never this pair.")
+    ] = None,
+    clear: Annotated[
+        list[str] | None,
+        typer.Option(metavar="BONE", help="Forget what was decided of this bone."),
+    ] = None,
+    group: Annotated[
+        list[str] | None,
+        typer.Option(metavar="NAME=BONE,BONE", help="Make a master that moves several ends (IK)."),
+    ] = None,
+    ungroup: Annotated[
+        list[str] | None, typer.Option(metavar="NAME", help="Take a master apart.")
+    ] = None,
+    undo: Annotated[bool, typer.Option("--undo", help="Take the last step back.")] = False,
+    redo: Annotated[bool, typer.Option("--redo", help="Bring it back.")] = False,
+    port: Port = None,
+) -> None:
+    """Correct the mapping of a show that is running; without options, show it.
+
+    What is given in one call is one step. It is kept in a file beside the show.
+    """
+    from puppet.commands.mapping import decide_live
+
+    decide_live(
+        show,
+        puppet,
+        port,
+        pairs=(
+            ("lock", lock or ()),
+            ("accept", accept or ()),
+            ("set", set_ or ()),
+            ("reject", reject or ()),
+            ("forbid", forbid or ()),
+        ),
+        clear=clear or (),
+        mode=mode,
+        group=group or (),
+        ungroup=ungroup or (),
+        undo=undo,
+        redo=redo,
+    )
 
 
 @app.command()

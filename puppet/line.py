@@ -13,13 +13,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from puppet.cast import StagedPuppet
-from puppet.mapping.drive import ForwardDrive
+from puppet.driven import DrivenPuppet
+from puppet.mapping.proposal import Proposal
 from puppet.mapping.stance import Stance, upright
 from puppet.pose import Pose
 from puppet.show import ConditioningConfig
 from puppet.skeleton import SkeletonFrame, nobody
-from puppet.solvers.transition import Transition
-from puppet.solvers.turn_limit import TurnLimit
 from puppet.tracking.condition import Conditioner
 from puppet.tracking.neutral import NeutralStance
 
@@ -48,14 +47,7 @@ class Line:
         self._condition = Conditioner(conditioning)
         self._neutral = NeutralStance()
         unseen = upright(np.zeros(3), 0.0)
-        self._drives = {
-            puppet.name: ForwardDrive(
-                puppet.model.armature, puppet.proposal.pairs, unseen, puppet.placement
-            )
-            for puppet in self.puppets
-        }
-        self._turn_limits = {puppet.name: TurnLimit() for puppet in self.puppets}
-        self._transitions = {puppet.name: Transition() for puppet in self.puppets}
+        self._driven = {puppet.name: DrivenPuppet(puppet, unseen) for puppet in self.puppets}
         self._last: SkeletonFrame | None = None
 
     @property
@@ -70,10 +62,9 @@ class Line:
         conditioned = self._condition(frame)
         if self._neutral(conditioned):
             self._count_from(self._neutral.stance)
-        poses = {}
-        for name, drive in self._drives.items():
-            pose = self._turn_limits[name](drive(conditioned).base, max(dt, 0.0))
-            poses[name] = self._transitions[name](pose, max(dt, 0.0))
+        poses = {
+            name: driven.step(conditioned, max(dt, 0.0)) for name, driven in self._driven.items()
+        }
         return Tick(conditioned, self._neutral.stance, self._neutral.measured, poses)
 
     def idle(self, time: float) -> Tick:
@@ -87,8 +78,16 @@ class Line:
         """Every puppet at rest at its place, as before any frame; changes nothing."""
         unseen = nobody(time, 0)
         unseen = replace(unseen, influence=np.zeros_like(unseen.influence))
-        poses = {name: drive(unseen).base for name, drive in self._drives.items()}
+        poses = {name: driven.asked(unseen) for name, driven in self._driven.items()}
         return Tick(unseen, None, False, poses)
+
+    def set_mapping(self, puppet: str, proposal: Proposal) -> None:
+        """Drive a puppet by another mapping from the next step on; it gets there without a jump."""
+        self._driven[puppet].set_mapping(proposal)
+
+    def mapping(self, puppet: str) -> Proposal:
+        """What drives a puppet now."""
+        return self._driven[puppet].proposal
 
     def warm_up(self) -> None:
         """Compile every kernel of the line before the show, with a line that is thrown away."""
@@ -98,13 +97,11 @@ class Line:
             stand_in.step(
                 SkeletonFrame(sequence / 30.0, sequence, 0, points, np.full(20, sequence, np.uint8))
             )
-            for transition in stand_in._transitions.values():
-                transition.start()
+            for driven in stand_in._driven.values():
+                driven.warm_up()
 
     def _count_from(self, stance: Stance | None) -> None:
         if stance is None:
             return
-        for name, drive in self._drives.items():
-            self._drives[name] = drive.with_neutral(stance)
-            self._turn_limits[name].reset()  # the transition sees to it that nothing jumps
-            self._transitions[name].start()
+        for driven in self._driven.values():
+            driven.set_neutral(stance)

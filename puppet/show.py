@@ -35,20 +35,25 @@ class SourceConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 class PuppetConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """One puppet on stage.
 
-    armature: its ``.glb``. mode: how it is driven. position, yaw: where it stands.
-    follow: how far it goes along with the performer, either one number or (left, up, forward).
+    armature: its model, or the ``.toml`` that names one. mode: how it is driven, bone to bone (fk)
+        or by its end effectors (ik), until somebody decides otherwise. position, yaw: where it
+        stands.
+    follow: how far it goes along with the performer, either one number or (left, up, forward);
+        None is 0.3, or as far as its steps go if it stands on legs that IK moves.
+    reach: multiplies how far IK lets its end effectors go.
     turn: how much of the performer's turning on the spot it takes over.
     height: how tall it is made, whatever the size of the model; None leaves it as modelled.
     """
 
     name: str
     armature: str
-    mode: Literal["fk"] = "fk"
+    mode: Literal["fk", "ik"] = "fk"
     position: Triple = (0.0, 0.0, 0.0)
     yaw: float = 0.0
-    follow: float | Triple = 0.3
+    follow: float | Triple | None = None
     turn: float = 1.0
     height: float | None = None
+    reach: float = 1.0
 
 
 class ConditioningConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -87,7 +92,10 @@ class ViewConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class Show(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """A whole show, as one file says it."""
+    """A whole show, as one file says it.
+
+    mappings: the file where decisions are kept; None is beside the show, with ``.mappings.toml``.
+    """
 
     name: str
     source: SourceConfig
@@ -95,6 +103,7 @@ class Show(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     conditioning: ConditioningConfig = ConditioningConfig()
     bus: BusConfig = BusConfig()
     view: ViewConfig = ViewConfig()
+    mappings: str | None = None
 
     @property
     def key(self) -> str:
@@ -144,18 +153,21 @@ def _check(show: Show, path: Path) -> None:
             fail(f"puppets[{index}].name", "a puppet needs a name", repr(puppet.name))
         if puppet.name in names[:index]:
             fail(f"puppets[{index}].name", "two puppets have the same name", puppet.name)
-        follow = puppet.follow if isinstance(puppet.follow, tuple) else (puppet.follow,)
+        follow = puppet.follow if isinstance(puppet.follow, tuple) else (puppet.follow or 0.0,)
         for key, numbers in (
             ("position", puppet.position),
             ("yaw", (puppet.yaw,)),
             ("follow", follow),
             ("turn", (puppet.turn,)),
+            ("reach", (puppet.reach,)),
             ("height", () if puppet.height is None else (puppet.height,)),
         ):
             if not all(map(math.isfinite, numbers)):
                 fail(f"puppets[{index}].{key}", "not a finite number", numbers)
         if puppet.height is not None and not 0.01 <= puppet.height <= 100.0:
             fail(f"puppets[{index}].height", "must be from 0.01 to 100 metres", puppet.height)
+        if not 0.0 <= puppet.reach <= 100.0:
+            fail(f"puppets[{index}].reach", "must be from 0 to 100", puppet.reach)
     if not 0.0 < show.source.speed <= 100.0:
         fail("source.speed", "the speed must be above 0 and at most 100", show.source.speed)
     rate = show.source.max_rate

@@ -17,6 +17,7 @@ LAYERS = {
     "commands": 5,
     "net": 4,
     "line": 3,
+    "driven": 3,
     "render": 3,
     "cast": 2,
     "tracking": 2,

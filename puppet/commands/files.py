@@ -1,10 +1,8 @@
-"""`puppet record`, `import`, `map` and `models`: commands that read and write files."""
+"""`puppet record`, `import` and `models`: commands that read and write files."""
 
 from __future__ import annotations
 
 import contextlib
-import json
-import sys
 from pathlib import Path
 
 from rich.console import Console
@@ -16,7 +14,6 @@ from rich.progress import (
     TimeElapsedColumn,
     TimeRemainingColumn,
 )
-from rich.table import Table
 
 from puppet.commands.signals import stop_event
 from puppet.errors import BadShowError, PuppetError
@@ -119,36 +116,6 @@ def import_files(files: list[Path], output: Path | None, overwrite: bool) -> int
         for line in imported.report.lines():
             _err.print(f"  {line}", markup=False, highlight=False)
     return 2 if failed else 0
-
-
-def map_armature(path: Path, mode: str, as_json: bool) -> None:
-    """Propose a mapping and print it."""
-    from puppet.formats.armature_toml import load_puppet
-    from puppet.mapping.forward import propose_forward
-    from puppet.skeleton import HUMAN_BONE_NAMES
-
-    if mode != "fk":
-        raise BadShowError("there is no such mode", where="--mode", expected="fk", found=mode)
-    model = load_puppet(path).model
-    proposal = propose_forward(model.armature)
-    if as_json:
-        sys.stdout.write(json.dumps(proposal.as_json(), indent=2) + "\n")
-        return
-    for warning in model.warnings:
-        _err.print(f"{path.name}: {warning}", style="yellow", markup=False, highlight=False)
-    Console().print(f"{model.armature.name}: forward kinematics", style="bold")
-    table = Table()
-    table.add_column("bone")
-    table.add_column("turns with")
-    table.add_column("score", justify="right")
-    by_bone = {pair.bone: pair for pair in proposal.pairs}
-    for bone, name in enumerate(model.armature.names):
-        pair = by_bone.get(bone)
-        if pair is None:
-            table.add_row(name, "its parent", "", style="dim")
-        else:
-            table.add_row(name, HUMAN_BONE_NAMES[pair.human], f"{pair.score:.2f}")
-    Console().print(table)
 
 
 def get_models(cache: Path | None, wheel: Path | None) -> None:

@@ -126,9 +126,11 @@ def stage_show(path: Path, port: int | None) -> None:
         for puppet in cast:
             for warning in puppet.model.warnings:
                 _say(f"puppet stage: {puppet.name}: {warning}")
+            for warning in cast.mappings.warnings(puppet.name):
+                _say(f"puppet stage: {warning}")
         line = Line(cast, show.conditioning)
         line.warm_up()
-        Stage(line, bus).run(stop)
+        Stage(line, bus, cast.mappings).run(stop)
 
 
 def view_show(

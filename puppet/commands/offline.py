@@ -47,7 +47,7 @@ class Studio:
         self._renderer = Renderer(headless_context(), size, samples=0, supersample=2)
         extents = []
         for puppet in cast:
-            pairs = {pair.bone: pair.human for pair in puppet.proposal.pairs}
+            pairs = {bone: pair.human for pair in puppet.proposal.pairs for bone in pair.bones}
             self._renderer.add_puppet(PuppetOnStage(puppet.name, puppet.model, pairs))
             extents.append(self._renderer.rest_extent(puppet.name, puppet.placement.position))
         self._staging = Staging(show.view, extents, size[0] / size[1])

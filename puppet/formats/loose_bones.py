@@ -33,9 +33,8 @@ def with_loose_bones_attached(model: Model) -> Model:
         owner = _owner(armature, bone)
         if owner is not None and not _is_ancestor(new_parents, bone, owner):
             new_parents[bone] = owner
-            warnings.append(
-                f"bone {armature.names[bone]!r} lay loose: it now hangs on {armature.names[owner]!r}"
-            )
+            name, on = armature.names[bone], armature.names[owner]
+            warnings.append(f"bone {name!r} lay loose: it now hangs on {on!r}")
     if not warnings:
         return model
     positions, rotations = armature.rest

@@ -1,9 +1,9 @@
 """What was decided of a show's puppets: a ``.mappings.toml`` beside the show.
 
-An entry belongs to a puppet and its armature's fingerprint; the same rig is recognised under another
-name too. Entries of rigs that are not on stage stay as they are. A file is
-replaced in one go and is on the disk before anybody is told so: whatever happens, and whenever, the
-old file or the new one is there, whole.
+An entry belongs to a puppet and its armature's fingerprint; the same rig is recognised under
+another name too. Entries of rigs that are not on stage stay as they are. A file is replaced in one
+go and is on the disk before anybody is told so: whatever happens, and whenever, the old file or the
+new one is there, whole.
 """
 
 from __future__ import annotations

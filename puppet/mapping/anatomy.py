@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import Final
 
 import numpy as np
@@ -59,6 +60,7 @@ class Anatomy:
         return any(limb.side for limb in self.limbs)
 
 
+@lru_cache(maxsize=64)
 def anatomy(armature: Armature) -> Anatomy:
     """The trunk and limbs of an armature."""
     sides = sides_of(armature)

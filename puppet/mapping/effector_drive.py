@@ -20,13 +20,13 @@ import numpy as np
 from puppet.armature import Armature
 from puppet.kernel import Floats
 from puppet.mapping.anatomy import anatomy
-from puppet.mapping.human import HUMAN_LIMBS, HumanLimb
-from puppet.mapping.placement import Placement
+from puppet.mapping.human import HUMAN, HUMAN_LIMBS, HumanLimb
+from puppet.mapping.placement import FOLLOW, Placement
 from puppet.mapping.proposal import Pair
 from puppet.mapping.stance import UPRIGHT, Stance, heading_of, in_heading
 from puppet.mapping.symmetry import sides_of
 from puppet.pose import Goal, Intent, Pose
-from puppet.skeleton import HUMAN_BONES, JOINT_COUNT, Joint, SkeletonFrame
+from puppet.skeleton import HUMAN_BONES, Joint, SkeletonFrame
 
 #: The joint that each human limb hangs on, by the limb's name.
 ANCHORS: Final = {
@@ -80,19 +80,7 @@ class EffectorDrive:
         self.reach = reach
         self.effectors = tuple(bone for pair in self.pairs for bone in pair.bones)
         self._asked = placement or Placement()
-        legs = [_leg_scale(armature, pair) * reach for pair in self.pairs if _limb(pair).is_leg]
-        self.placement = self._asked
-        if legs and self._asked.grounded:
-            # It stands on legs of its own: it goes down when they bend, as far as they can.
-            mean = float(np.mean(legs))
-            follow = np.array(self._asked.follow, float)
-            follow[1] = mean
-            if np.isnan(follow).any():
-                follow[np.isnan(follow)] = mean
-            self.placement = replace(self._asked, follow=follow, sinks=True)
-        elif np.isnan(self._asked.follow).any():
-            follow = np.where(np.isnan(self._asked.follow), 0.3, self._asked.follow)
-            self.placement = replace(self._asked, follow=follow)
+        self.placement = _stood(armature, self.pairs, self._asked, reach)
         self._lines = tuple(
             line for pair in self.pairs for line in _lines(armature, pair, self.placement, reach)
         )
@@ -126,6 +114,23 @@ class EffectorDrive:
         return Intent(base, tuple(goals))
 
 
+def _stood(
+    armature: Armature, pairs: Iterable[Pair], placement: Placement, reach: float
+) -> Placement:
+    """The placement of a puppet that may stand on legs of its own.
+
+    Then it goes down when the performer's legs bend, as far as its own legs do, and goes about as
+    far as its steps are long, if nothing else was asked for.
+    """
+    legs = [_leg_scale(armature, pair) for pair in pairs if _limb(pair).is_leg]
+    if not legs or not placement.grounded:
+        return placement.going(FOLLOW)
+    scale = float(np.mean(legs)) * reach
+    follow = np.array(placement.going(scale).follow, float)
+    follow[1] = scale
+    return replace(placement, follow=follow, sinks=True)
+
+
 def _limb(pair: Pair) -> HumanLimb:
     """The limb whose tip is the pair's control point."""
     return next(limb for limb in HUMAN_LIMBS if limb.tip == pair.human)
@@ -146,7 +151,8 @@ def _lines(armature: Armature, pair: Pair, placement: Placement, reach: float) -
             # A master on both sides: what goes outwards for one goes outwards for the other.
             carried[0], limb[0] = -carried[0], -limb[0]
         if stands:
-            limb[0], limb[2] = placement.follow[0], placement.follow[2]
+            along = placement.along
+            limb[0], limb[2] = along[0], along[2]
         yield _Line(
             bone, armature.rest_tips[bone], anchor, tip, carried, limb, stands, pair.partner
         )
@@ -187,23 +193,9 @@ def _human_length(limb: HumanLimb) -> float:
     The performer's own length would be as good; but trackers' feet and hands jump, and lengths of
     limbs are much alike.
     """
-    points = _upright()
-    bones = limb.playable
-    return float(
-        sum(
-            np.linalg.norm(points[HUMAN_BONES[b].end] - points[HUMAN_BONES[b].start]) for b in bones
-        )
-    )
+    return float(sum(np.linalg.norm(HUMAN.tips[bone]) for bone in limb.playable))
 
 
 def _human_body(anchor: Joint) -> float:
     """Metres from the hip centre to where a limb hangs."""
-    points = _upright()
-    return float(np.linalg.norm(points[anchor] - points[Joint.HIP_CENTER]))
-
-
-def _upright() -> Floats:
-    points = np.zeros((JOINT_COUNT, 3))
-    for joint, place in UPRIGHT.items():
-        points[joint] = place
-    return points
+    return float(np.linalg.norm(np.subtract(UPRIGHT[anchor], UPRIGHT[Joint.HIP_CENTER])))

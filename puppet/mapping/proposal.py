@@ -94,12 +94,11 @@ class Proposal:
 
     def as_json(self, *, explain: bool = False) -> dict[str, Any]:
         """The form that `puppet map --json` prints."""
-        names = ("bone", "human") if self.mode == "fk" else ("effector", "control_point")
         out: dict[str, Any] = {
             "armature": self.armature.name,
             "mode": self.mode,
             "merit": round(self.merit, 4),
-            "pairs": [_pair_json(pair, self.armature, names, explain) for pair in self.pairs],
+            "pairs": [pair_json(pair, self, explain=explain) for pair in self.pairs],
             "unmapped": list(self.unmapped),
         }
         if self.follows:
@@ -112,9 +111,10 @@ class Proposal:
         return out
 
 
-def _pair_json(
-    pair: Pair, armature: Armature, names: tuple[str, str], explain: bool
-) -> dict[str, Any]:
+def pair_json(pair: Pair, proposal: Proposal, *, explain: bool) -> dict[str, Any]:
+    """One of the pairs of `Proposal.as_json`; with `explain` also its reasons and runners-up."""
+    names = ("bone", "human") if proposal.mode == "fk" else ("effector", "control_point")
+    armature = proposal.armature
     out: dict[str, Any] = {
         names[0]: pair.name,
         names[1]: pair.partner,

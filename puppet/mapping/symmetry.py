@@ -9,6 +9,7 @@ where these say nothing (glTF's convention).
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import lru_cache
 from typing import Final
 
 import numpy as np
@@ -24,6 +25,7 @@ _MANY: Final = 32
 _UP: Final = np.array([0.0, 1.0, 0.0])
 
 
+@lru_cache(maxsize=64)
 def sides_of(armature: Armature) -> tuple[Side, ...]:
     """Left, right or middle for each bone."""
     if any(armature.sides):

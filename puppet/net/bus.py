@@ -71,17 +71,28 @@ class Bus:
             ) from None
 
     @classmethod
-    def join(cls, endpoint: str, show: str) -> Bus:
-        """Connect to the hub; waits until there is one."""
+    def join(cls, endpoint: str, show: str, wait: float | None = None) -> Bus:
+        """Connect to the hub; waits until there is one, at most `wait` seconds.
+
+        Raises UnavailableError if there is none by then.
+        """
         config = _config(endpoint, "client")
         config.insert_json5("connect/endpoints", json.dumps([endpoint]))
-        config.insert_json5("connect/timeout_ms", "-1")
-        config.insert_json5("connect/exit_on_failure", "false")
+        config.insert_json5("connect/timeout_ms", "-1" if wait is None else str(int(1000 * wait)))
+        config.insert_json5("connect/exit_on_failure", "false" if wait is None else "true")
         config.insert_json5(
             "connect/retry",
             "{period_init_ms: 100, period_max_ms: 1000, period_increase_factor: 1.5}",
         )
-        return cls(zenoh.open(config), f"puppet/{show}")
+        try:
+            return cls(zenoh.open(config), f"puppet/{show}")
+        except zenoh.ZError as error:
+            raise UnavailableError(
+                "no show is running there",
+                where=endpoint,
+                found=str(error).split(" at /")[0],
+                hint="start it first: puppet run SHOW",
+            ) from None
 
     def publisher(self, key: str) -> Callable[[bytes], None]:
         """A function that publishes on `key`, at once and without ever waiting for a reader."""

@@ -17,10 +17,11 @@ from numpy.typing import NDArray
 
 from puppet.errors import BadMessageError
 from puppet.kernel import Floats
+from puppet.mapping.proposal import Mode
 from puppet.pose import Pose
 from puppet.skeleton import JOINT_COUNT, SkeletonFrame
 
-VERSION: Final = 1
+VERSION: Final = 2
 
 M = TypeVar("M", bound="Message")
 
@@ -98,6 +99,7 @@ class SceneMessage(Message, tag="scene", frozen=True, kw_only=True):
 
     frame_sent_ns: when the tracker published the frame this was made from; 0 if it was made
         without one, because none came. cast: revision of the cast that the poses belong to.
+    mapping: counts the changes of any puppet's mapping.
     performer: the conditioned skeleton, or None; its origin and heading are the neutral stance's.
     """
 
@@ -106,6 +108,7 @@ class SceneMessage(Message, tag="scene", frozen=True, kw_only=True):
     frame_sent_ns: int
     posed_ns: int
     cast: int
+    mapping: int
     source: str
     synthetic: bool
     puppets: tuple[PuppetPose, ...]
@@ -140,12 +143,13 @@ class PerformerNow(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class CastMember(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """A puppet on stage: where its model lies, how many times as large it is made, and which human
-    bone turns which of its bones."""
+    """A puppet on stage: where its model lies, how many times as large it is made, whether FK or IK
+    drives it, and which human bone turns or moves which of its bones."""
 
     name: str
     armature: str
     scale: float
+    mode: Mode
     pairs: tuple[tuple[int, int], ...]
 
 

@@ -10,11 +10,15 @@ from __future__ import annotations
 import threading
 import time
 from dataclasses import dataclass
+from queue import SimpleQueue
 
 from puppet.errors import BadMessageError
 from puppet.line import Line, Tick
+from puppet.mapping.proposal import Proposal
+from puppet.mapping.service import MappingService
 from puppet.net.bus import Bus
 from puppet.net.health import Health
+from puppet.net.mapping_endpoint import answer_mapping
 from puppet.net.messages import (
     CastMember,
     CastMessage,
@@ -78,7 +82,8 @@ class StreamClock:
 class Stage:
     """Runs a line between the tracker's frames and the viewers' scenes."""
 
-    def __init__(self, line: Line, bus: Bus) -> None:
+    def __init__(self, line: Line, bus: Bus, mappings: MappingService | None = None) -> None:
+        """`mappings`: who decides; None leaves every puppet as it is."""
         self.line = line
         self._frames = bus.latest("skeleton")
         self._publish = bus.publisher("scene")
@@ -88,21 +93,25 @@ class Stage:
         self._source, self._synthetic = "", False
         self._last_sequence = -1
         self.health = Health(bus, "stage")
-        cast = CastMessage(
-            revision=time.time_ns(),  # another stage, another cast
-            members=tuple(
-                CastMember(
-                    puppet.name,
-                    str(puppet.path),
-                    puppet.scale,
-                    tuple((pair.bone, pair.human) for pair in puppet.proposal.pairs),
-                )
-                for puppet in line.puppets
-            ),
-        )
-        self._cast = cast.revision
-        bus.answer("cast", lambda _request: encode(cast))
+        self._cast = time.time_ns()  # another stage, another cast
+        self._mapping = 0
+        self._changes: SimpleQueue[tuple[str, Proposal]] = SimpleQueue()
+        bus.answer("cast", lambda _request: encode(self._cast_message()))
+        if mappings is not None:
+            mappings.on_change = lambda puppet, proposal: self._changes.put((puppet, proposal))
+            answer_mapping(bus, mappings)
         bus.be_present("stage", "0")
+
+    def _cast_message(self) -> CastMessage:
+        """Who is on stage, as of now."""
+        members = []
+        for puppet in self.line.puppets:
+            proposal = self.line.mapping(puppet.name)
+            pairs = tuple((bone, pair.human) for pair in proposal.pairs for bone in pair.bones)
+            members.append(
+                CastMember(puppet.name, str(puppet.path), puppet.scale, proposal.mode, pairs)
+            )
+        return CastMessage(revision=self._cast, members=tuple(members))
 
     def run(self, stop: threading.Event) -> None:
         """Until `stop` is set."""
@@ -111,6 +120,7 @@ class Stage:
                 waiting = time.monotonic() - self._clock.heard > SILENCE
                 data = self._frames.take(IDLE_STEP if waiting else SILENCE)
                 now = time.monotonic()
+                self._take_over_changes()
                 if data is not None:
                     self._take_in(data, now)
                 elif now - self._clock.heard > SILENCE:
@@ -139,6 +149,12 @@ class Stage:
         self.health.state = "running" if frame.present else "nobody"
         self.health.gauges["tick_ms"] = 1000.0 * (time.monotonic() - now)
 
+    def _take_over_changes(self) -> None:
+        """Between two frames, so that no pose is half of one mapping and half of another."""
+        while not self._changes.empty():
+            self.line.set_mapping(*self._changes.get())
+            self._mapping += 1
+
     def _count_gap(self, message: SkeletonMessage) -> None:
         gap = message.sequence - self._last_sequence
         if gap > 1 and self._last_sequence >= 0:
@@ -162,6 +178,7 @@ class Stage:
                     sequence=self._sequence,
                     frame_sent_ns=sent_ns,
                     cast=self._cast,
+                    mapping=self._mapping,
                     source=self._source,
                     synthetic=self._synthetic,
                 )
@@ -170,7 +187,14 @@ class Stage:
 
 
 def scene_of(
-    tick: Tick, *, sequence: int, frame_sent_ns: int, cast: int, source: str, synthetic: bool
+    tick: Tick,
+    *,
+    sequence: int,
+    frame_sent_ns: int,
+    cast: int,
+    source: str,
+    synthetic: bool,
+    mapping: int = 0,
 ) -> SceneMessage:
     """What viewers are told of one step of the line."""
     performer = None
@@ -191,6 +215,7 @@ def scene_of(
         frame_sent_ns=frame_sent_ns,
         posed_ns=time.monotonic_ns(),
         cast=cast,
+        mapping=mapping,
         source=source,
         synthetic=synthetic,
         puppets=tuple(PuppetPose.of(name, pose) for name, pose in tick.poses.items()),

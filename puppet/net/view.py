@@ -50,7 +50,7 @@ class Viewer:
         self._scenes = bus.latest("scene")
         self._decode = Decoder(SceneMessage)
         self._decode_cast = Decoder(CastMessage)
-        self._cast = -1
+        self._cast = self._mapping = -1
         self._latency = Latency()
         self._figures: tuple[float | None, float | None] = (None, None)
         bus.be_present("view", str(time.monotonic_ns()))
@@ -70,6 +70,8 @@ class Viewer:
                 for _ in range(WARM_UP):
                     self.draw(scene)
                 return None  # that took a while: the scene is old by now
+            if scene.mapping != self._mapping:
+                self._meet_mapping(scene.mapping)
         except PuppetError as error:
             self._refuse(error)
             return None
@@ -128,6 +130,17 @@ class Viewer:
             fps, latency = self._figures
             status = Status(fps, latency, scene.source, _notes(scene))
         return self.staging.picture(poses, performer, hip, heading, status)
+
+    def _meet_mapping(self, revision: int) -> None:
+        """Ask the stage what drives what now, for the marks; the models stay as they are."""
+        reply = self._bus.ask("cast", timeout=0.1)
+        if reply is None:
+            return
+        cast = self._decode_cast(reply)
+        if cast.revision == self._cast:
+            for member in cast.members:
+                self.renderer.set_pairs(member.name, dict(member.pairs))
+            self._mapping = revision
 
     def _meet_cast(self) -> None:
         """Ask the stage who is on it, and load them."""

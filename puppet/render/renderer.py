@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Final
 
 import moderngl
@@ -84,6 +85,10 @@ class Renderer:
         skin = Skin(self._ctx, self._programs, puppet)
         self.remove_puppet(puppet.name)
         self._skins[puppet.name] = skin
+
+    def set_pairs(self, name: str, pairs: Mapping[int, int]) -> None:
+        """Show another mapping on a puppet that is on stage: bone -> human bone."""
+        self._skins[name].pairs = dict(pairs)
 
     def remove_puppet(self, name: str) -> None:
         """Take a puppet off; one that is not there is no mistake."""
@@ -184,7 +189,7 @@ class Renderer:
         joints = picture.performer_joints
         if joints is None or picture.performer is None:
             return NOBODY
-        mapped = {human for skin in self._skins.values() for human in skin.puppet.pairs.values()}
+        mapped = {human for skin in self._skins.values() for human in skin.pairs.values()}
         return figure(joints, picture.performer.states, mapped)
 
     def _draw_shadows(self, skins: list[Skin]) -> None:
@@ -238,7 +243,7 @@ def _marks(skins: list[Skin]) -> Rods:
     for skin in skins:
         thick = _MARK_RADIUS * skin.armature.size
         tips = skin.tips
-        for bone, human in skin.puppet.pairs.items():
+        for bone, human in skin.pairs.items():
             starts.append(skin.origins[bone])
             ends.append(tips[bone])
             radii.append((1.5 * thick, 0.6 * thick))

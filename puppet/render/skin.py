@@ -87,6 +87,7 @@ class Skin:
         self, ctx: moderngl.Context, programs: SkinPrograms, puppet: PuppetOnStage
     ) -> None:
         self.puppet = puppet
+        self.pairs = puppet.pairs
         self.armature = puppet.model.armature
         count = len(self.armature)
         limit = int(ctx.info["GL_MAX_TEXTURE_SIZE"])

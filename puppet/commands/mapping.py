@@ -1,0 +1,261 @@
+"""`puppet map` and `puppet decide`: mappings proposed, explained and corrected."""
+
+from __future__ import annotations
+
+import getpass
+import json
+import sys
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import Any, get_args
+
+from rich.console import Console
+from rich.table import Table
+
+from puppet.cast import rig_of
+from puppet.errors import BadDecisionError, BadShowError
+from puppet.formats.armature_toml import load_puppet
+from puppet.mapping.blocks import BLOCKS
+from puppet.mapping.decisions import Act, Decision
+from puppet.mapping.human import HUMAN
+from puppet.mapping.proposal import Mode, Pair, Proposal
+from puppet.mapping.service import MappingService
+from puppet.net.bus import Bus
+from puppet.net.mapping_client import MappingClient
+from puppet.show import load_show
+from puppet.skeleton import HUMAN_BONE_NAMES
+
+_err = Console(stderr=True, soft_wrap=True)
+_STYLES = {"sure": "green", "likely": "", "doubtful": "yellow"}
+
+
+def map_armature(
+    path: Path,
+    mode: str,
+    *,
+    as_json: bool,
+    explain: bool,
+    k: int,
+    lock: Sequence[str],
+    forbid: Sequence[str],
+    matrix: str | None,
+) -> None:
+    """Propose mappings for one armature and print them."""
+    puppet = load_puppet(path)
+    for warning in puppet.model.warnings:
+        _err.print(f"{path.name}: {warning}", style="yellow", markup=False, highlight=False)
+    checked = mode_of(mode)
+    name = puppet.model.armature.name
+    service = MappingService({name: rig_of(puppet)}, {name: checked})
+    decisions = [*_pairs("lock", checked, lock), *_pairs("forbid", checked, forbid)]
+    if decisions:
+        service.decide(name, decisions)
+    if matrix is not None:
+        _print_matrix(puppet.model.armature, matrix, as_json=as_json)
+        return
+    best, *others = service.propose(name, k=k)
+    if as_json:
+        document = best.as_json(explain=explain)
+        if k > 1:
+            document["alternatives"] = [other.as_json(explain=explain) for other in others]
+        sys.stdout.write(json.dumps(document, indent=2) + "\n")
+        return
+    _print_proposal(
+        best, "forward kinematics" if checked == "fk" else "inverse kinematics", explain
+    )
+    for rank, other in enumerate(others, start=2):
+        _print_proposal(other, f"choice {rank}", explain, against=best)
+
+
+def mode_of(text: str) -> Mode:
+    """Raises BadShowError for what is no mode."""
+    if text not in get_args(Mode):
+        raise BadShowError("there is no such mode", where="--mode", expected="fk or ik", found=text)
+    mode: Mode = "fk" if text == "fk" else "ik"
+    return mode
+
+
+def _pairs(act: Act, mode: Mode, texts: Iterable[str]) -> list[Decision]:
+    decisions = []
+    for text in texts:
+        bone, equals, human = text.rpartition("=")
+        if not (bone and equals and human):
+            raise BadDecisionError(
+                "this is not a pair",
+                where=f"--{act}",
+                expected="BONE=HUMAN, as fin.R=hand.R, or a whole limb: fin.R=arm.R",
+                found=text,
+            )
+        decisions.append(Decision(act, mode, bone, human))
+    return decisions
+
+
+def _print_proposal(
+    proposal: Proposal, title: str, explain: bool, against: Proposal | None = None
+) -> None:
+    console = Console()
+    before = {pair.name: pair.partner for pair in against.pairs} if against else None
+    console.print(f"{proposal.armature.name}: {title}", style="bold", markup=False)
+    table = Table()
+    table.add_column("bone" if proposal.mode == "fk" else "end effector")
+    table.add_column("turns with" if proposal.mode == "fk" else "goes with")
+    table.add_column("score", justify="right")
+    table.add_column("")
+    if explain:
+        table.add_column("because")
+        table.add_column("or")
+    for pair in proposal.pairs:
+        changed = before is not None and before.get(pair.name) != pair.partner
+        row = [
+            pair.name,
+            pair.partner + (" *" if changed else ""),
+            f"{pair.score:.2f}",
+            pair.decided or pair.certainty,
+        ]
+        if explain:
+            row += [_because(pair), _or(pair)]
+        table.add_row(*row, style=_STYLES[pair.certainty])
+    follows = dict(proposal.follows)
+    for name in proposal.unmapped:
+        bone = proposal.armature.names.index(name) if name in proposal.armature.names else -1
+        share = f"{follows[bone]:.0%} of its parent's turn" if bone in follows else "its parent"
+        table.add_row(name, share if proposal.mode == "fk" else "—", style="dim")
+    console.print(table)
+    for offer in proposal.offers:
+        console.print(
+            f"a master {offer.name!r} could join {', '.join(offer.effectors)}: {offer.why}",
+            markup=False,
+            highlight=False,
+        )
+
+
+def _because(pair: Pair) -> str:
+    parts = sorted(pair.reasons.items(), key=lambda item: -abs(item[1]))
+    return ", ".join(f"{part} {value:+.2f}" for part, value in parts if abs(value) >= 0.005)
+
+
+def _or(pair: Pair) -> str:
+    names = (f"{HUMAN_BONE_NAMES[other.human]} {other.score:.2f}" for other in pair.runners_up[:2])
+    return ", ".join(names)
+
+
+def _print_matrix(armature: Any, name: str, *, as_json: bool) -> None:
+    if name not in BLOCKS:
+        raise BadShowError(
+            "there is no such block", where="--matrix", expected=", ".join(BLOCKS), found=name
+        )
+    block = BLOCKS[name](armature, HUMAN)
+    if as_json:
+        document = {
+            "armature": armature.name,
+            "block": name,
+            "bones": list(armature.names),
+            "human": list(HUMAN_BONE_NAMES),
+            "matrix": [[round(float(value), 6) for value in row] for row in block],
+        }
+        sys.stdout.write(json.dumps(document) + "\n")
+        return
+    table = Table(title=f"{armature.name}: {name}")
+    table.add_column("bone")
+    for human in HUMAN_BONE_NAMES:
+        table.add_column(human.replace("upper_", "u_").replace("shoulder", "shld"), justify="right")
+    for bone, row in zip(armature.names, block, strict=True):
+        table.add_row(bone, *(f"{value:.3g}" if value else "·" for value in row))
+    Console(width=max(200, Console().width)).print(table)
+
+
+def decide_live(
+    show_path: Path,
+    puppet: str | None,
+    port: int | None,
+    *,
+    pairs: Sequence[tuple[Act, Sequence[str]]],
+    clear: Sequence[str],
+    mode: str | None,
+    group: Sequence[str],
+    ungroup: Sequence[str],
+    undo: bool,
+    redo: bool,
+) -> None:
+    """Correct the mapping of a running show, and print what drives the puppet then."""
+    show = load_show(show_path)
+    endpoint = show.bus.endpoint if port is None else f"tcp/127.0.0.1:{port}"
+    with Bus.join(endpoint, show.key, wait=3.0) as bus:
+        client = MappingClient(bus)
+        cards = client.puppets()
+        if puppet is None:
+            _print_cards(cards)
+            return
+        card = next((card for card in cards if card["name"] == puppet), None)
+        if card is None:
+            raise BadDecisionError(
+                "there is no such puppet on stage",
+                expected=f"one of {', '.join(card['name'] for card in cards)}",
+                found=puppet,
+            )
+        current: Mode = mode_of(mode) if mode is not None else card["mode"]
+        step = [] if mode is None else [Decision("mode", current)]
+        for act, texts in pairs:
+            step += _pairs(act, current, texts)
+        step += [Decision("clear", current, bone) for bone in clear]
+        step += [_master(text) for text in group]
+        step += [Decision("ungroup", "ik", name) for name in ungroup]
+        answer = client.propose(puppet)[0]
+        if undo:
+            answer = client.undo(puppet)
+        elif redo:
+            answer = client.redo(puppet)
+        elif step:
+            answer = client.decide(puppet, step, getpass.getuser())
+        _print_answer(answer)
+        _print_history(client.history(puppet))
+
+
+def _master(text: str) -> Decision:
+    name, equals, effectors = text.partition("=")
+    if not (name and equals and effectors):
+        raise BadDecisionError(
+            "this is not a master",
+            where="--group",
+            expected="NAME=BONE,BONE, as wings=wing_tip.L,wing_tip.R",
+            found=text,
+        )
+    bones = tuple(bone.strip() for bone in effectors.split(","))
+    return Decision("group", "ik", name, effectors=bones)
+
+
+def _print_cards(cards: Iterable[dict[str, Any]]) -> None:
+    table = Table()
+    for column in ("puppet", "driven by", "pairs", "doubtful", "unmapped"):
+        table.add_column(column)
+    for card in cards:
+        unmapped = ", ".join(card["unmapped"])
+        table.add_row(
+            card["name"], card["mode"].upper(), str(card["pairs"]), str(card["doubtful"]), unmapped
+        )
+    Console().print(table)
+    for card in cards:
+        for warning in card["warnings"]:
+            _err.print(warning, style="yellow", markup=False, highlight=False)
+
+
+def _print_answer(answer: dict[str, Any]) -> None:
+    bone, human = ("bone", "human") if answer["mode"] == "fk" else ("effector", "control_point")
+    table = Table()
+    for column in (bone.replace("_", " "), human.replace("_", " "), ""):
+        table.add_column(column)
+    for pair in answer["pairs"]:
+        word = pair.get("decided") or pair["certainty"]
+        table.add_row(pair[bone], pair[human], word, style=_STYLES[pair["certainty"]])
+    Console().print(table)
+
+
+def _print_history(history: dict[str, Any]) -> None:
+    for index, step in enumerate(history["steps"]):
+        undone = index >= history["holds"]
+        _err.print(
+            f"{index + 1}. {step}" + ("  (undone)" if undone else ""),
+            style="dim" if undone else "",
+            markup=False,
+            highlight=False,
+        )
