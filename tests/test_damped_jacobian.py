@@ -40,6 +40,15 @@ def chain(bones: int, length: float = 1.0) -> Armature:
     )
 
 
+def tree(seed: int) -> Armature:
+    """A random armature, of creature-like depth."""
+    rng = np.random.default_rng(seed)
+    count = int(rng.integers(6, 25))
+    parents = [-1] + [int(rng.integers(max(0, bone - 3), bone)) for bone in range(1, count)]
+    names = [f"b{bone}" for bone in range(count)]
+    return Armature.build("tree", names, parents, rng.normal(size=(count, 3)))
+
+
 def turned(armature: Armature, seed: int, most: float) -> Pose:
     """A pose whose bones are turned from rest, about `most` rad each; the root stays."""
     turns = np.random.default_rng(seed).normal(size=(len(armature), 3)) * most / math.sqrt(3.0)
@@ -91,12 +100,8 @@ def test_a_tip_comes_to_where_a_pose_had_it(armature: Armature, seed: int) -> No
 def test_several_tips_come_to_where_a_pose_had_them() -> None:
     reached = []
     for seed in range(300):
-        rng = np.random.default_rng(seed)
-        count = int(rng.integers(6, 25))
-        parents = [-1] + [int(rng.integers(max(0, bone - 3), bone)) for bone in range(1, count)]
-        names = [f"b{bone}" for bone in range(count)]
-        armature = Armature.build("tree", names, parents, rng.normal(size=(count, 3)))
-        leaves = [bone for bone in range(1, count) if not armature.children[bone]]
+        armature = tree(seed)
+        leaves = [bone for bone in range(1, len(armature)) if not armature.children[bone]]
         solver = DampedJacobian(armature, leaves[:4])
         goals = tips_of(armature, turned(armature, seed, 0.8), solver.effectors)
         if (from_base(solver, goals) < 0.9).all():
@@ -377,6 +382,21 @@ def test_every_bone_is_within_its_limits(armature: Armature, seed: int, far: flo
     within = JointLimits(armature)(pose)
     turning = armature.parents >= 0  # a root is the base pose's own
     assert np.allclose(pose.bones[turning], within.bones[turning], atol=1e-8)
+
+
+def test_goals_that_can_be_met_within_limits_mostly_are() -> None:
+    missed = []
+    for seed in range(500):
+        armature = limited(tree(seed), seed)
+        leaves = [bone for bone in range(1, len(armature)) if not armature.children[bone]]
+        solver = DampedJacobian(armature, leaves[:2])
+        pose = JointLimits(armature)(turned(armature, seed, 0.8))
+        goals = tips_of(armature, pose, solver.effectors)
+        if (from_base(solver, goals) < 0.9).all():
+            missed.append(misses(solver, solved(solver, goals), goals).max())
+    assert len(missed) > 50
+
+    assert np.mean(np.array(missed) < 0.01) > 0.85
 
 
 def leg(knee_from: float, knee_to: float) -> Armature:

@@ -143,3 +143,9 @@ def test_stops_beyond_half_a_turn_are_no_stops() -> None:
     armature = Armature.build("one", ["a"], [-1], np.zeros((1, 3)), lower=low, upper=high)
     pose = Pose(np.zeros(3), IDENTITY, exp(np.array([0.0, 3.1, 0.0]))[None])
     assert np.array_equal(JointLimits(armature)(pose).bones, pose.bones)
+
+
+def test_where_box_and_cone_have_nothing_in_common_the_boxs_nearest_point_to_rest_counts() -> None:
+    turn = np.array([2.0, 0.5, 0.0])
+    clamp(turn, np.array([1.0, -1.0, 0.0]), np.array([1.5, 1.0, 0.0]), 0.3)
+    assert np.array_equal(turn, [1.0, 0.0, 0.0])
