@@ -17,72 +17,14 @@ from puppet.armature import Armature
 from puppet.errors import PuppetError
 from puppet.kernel import Floats, frozen
 from puppet.pose import Goal, Intent, Pose, forward_kinematics, rest_pose
-from puppet.rotation import IDENTITY, exp, multiply
+from puppet.rotation import exp
 from puppet.solvers.damped_jacobian import DampedJacobian
-from puppet.solvers.joint_limits import JointLimits
 from tests.armatures import armatures, quaternions
+from tests.ik_trials import chain, from_base, jerk, misses, solved, tree, turned
 from tests.ik_workloads import WORKLOADS, creature, snake, tips_of
 
 EVERY_WORKLOAD = pytest.mark.parametrize("name", WORKLOADS)
 SEEDS = st.integers(0, 2**32 - 1)
-
-
-def chain(bones: int, length: float = 1.0) -> Armature:
-    """A root that does not turn, and a straight chain along +X from the origin."""
-    step = length / bones
-    offsets = [[0.0, 0.0, 0.0], [0.0, 0.0, 0.0]] + [[step, 0.0, 0.0]] * (bones - 1)
-    return Armature.build(
-        "chain",
-        [f"b{bone}" for bone in range(bones + 1)],
-        list(range(-1, bones)),
-        offsets,
-        tips=[[0.0, 0.0, 0.0]] + [[step, 0.0, 0.0]] * bones,
-    )
-
-
-def tree(seed: int) -> Armature:
-    """A random armature, of creature-like depth."""
-    rng = np.random.default_rng(seed)
-    count = int(rng.integers(6, 25))
-    parents = [-1] + [int(rng.integers(max(0, bone - 3), bone)) for bone in range(1, count)]
-    names = [f"b{bone}" for bone in range(count)]
-    return Armature.build("tree", names, parents, rng.normal(size=(count, 3)))
-
-
-def turned(armature: Armature, seed: int, most: float) -> Pose:
-    """A pose whose bones are turned from rest, about `most` rad each; the root stays."""
-    turns = np.random.default_rng(seed).normal(size=(len(armature), 3)) * most / math.sqrt(3.0)
-    turns[armature.parents < 0] = 0.0
-    bones = [multiply(q, exp(turn)) for q, turn in zip(armature.rotations, turns, strict=True)]
-    return Pose(np.zeros(3), IDENTITY.copy(), np.array(bones))
-
-
-def solved(solver: DampedJacobian, goals: Floats) -> Pose:
-    wishes = [Goal(bone, goal) for bone, goal in zip(solver.effectors, goals, strict=True)]
-    return solver(Intent(rest_pose(solver.armature), tuple(wishes)))
-
-
-def misses(solver: DampedJacobian, pose: Pose, goals: Floats) -> Floats:
-    """(E,) how far tips are from their goals, as shares of their reach."""
-    tips = tips_of(solver.armature, pose, solver.effectors)
-    distances = np.linalg.norm(tips - goals, axis=1)
-    return np.asarray(distances / np.maximum(solver.reaches, 1e-12))
-
-
-def from_base(solver: DampedJacobian, goals: Floats) -> Floats:
-    """(E,) how far goals are from the first bone that moves an effector, as shares of its reach."""
-    armature, distances = solver.armature, []
-    for effector, goal in zip(solver.effectors, goals, strict=True):
-        bone = effector
-        while armature.parents[armature.parents[bone]] >= 0:
-            bone = armature.parents[bone]
-        distances.append(np.linalg.norm(goal - armature.rest[0][bone]))
-    return np.asarray(np.array(distances) / np.maximum(solver.reaches, 1e-12))
-
-
-def jerk(values: Floats) -> Floats:
-    """(frames - 3, ...) lengths of third differences of (frames, ..., 3)."""
-    return np.asarray(np.linalg.norm(np.diff(values, 3, axis=0), axis=-1))
 
 
 # What it reaches
@@ -355,114 +297,14 @@ def test_a_goal_for_another_bone_is_an_error_that_names_the_effectors() -> None:
         DampedJacobian(chain(6), [6])(intent)
 
 
-# Limits
-
-
-def limited(armature: Armature, seed: int) -> Armature:
-    """Cones, boxes, hinges and bones with two axes, at random."""
-    rng = np.random.default_rng(seed)
-    count = len(armature)
-    lower, upper = -rng.uniform(0.0, 1.0, (count, 3)), rng.uniform(0.0, 1.5, (count, 3))
-    kept = rng.random((count, 3)) < rng.choice([0.0, 0.3, 0.6, 1.0], (count, 1))
-    lower[~kept & (rng.random((count, 1)) < 0.5)] = 0.0
-    upper[lower == 0.0] = 0.0
-    open_bones = rng.random(count) < 0.3
-    lower[open_bones], upper[open_bones] = -np.inf, np.inf
-    limits = np.where(rng.random(count) < 0.5, rng.uniform(0.1, 1.5, count), np.inf)
-    return replace(armature, lower=frozen(lower), upper=frozen(upper), limits=frozen(limits))
-
-
-@given(armature=armatures(), seed=SEEDS, far=st.floats(0.1, 10.0))
-def test_every_bone_is_within_its_limits(armature: Armature, seed: int, far: float) -> None:
-    rng = np.random.default_rng(seed)
-    armature = limited(armature, seed)
-    leaves = [bone for bone in range(len(armature)) if not armature.children[bone]][:4]
-    goals = tuple(Goal(bone, rng.normal(size=3) * far) for bone in leaves)
-    pose = DampedJacobian(armature, leaves)(Intent(turned(armature, seed, 1.0), goals))
-    within = JointLimits(armature)(pose)
-    turning = armature.parents >= 0  # a root is the base pose's own
-    assert np.allclose(pose.bones[turning], within.bones[turning], atol=1e-8)
-
-
-def test_goals_that_can_be_met_within_limits_mostly_are() -> None:
-    missed = []
-    for seed in range(500):
-        armature = limited(tree(seed), seed)
-        leaves = [bone for bone in range(1, len(armature)) if not armature.children[bone]]
-        solver = DampedJacobian(armature, leaves[:2])
-        pose = JointLimits(armature)(turned(armature, seed, 0.8))
-        goals = tips_of(armature, pose, solver.effectors)
-        if (from_base(solver, goals) < 0.9).all():
-            missed.append(misses(solver, solved(solver, goals), goals).max())
-    assert len(missed) > 50
-
-    assert np.mean(np.array(missed) < 0.01) > 0.85
-
-
-def leg(knee_from: float, knee_to: float) -> Armature:
-    """A straight leg down from a hip, 1 m long, whose knee is a hinge about X."""
-    lower, upper = np.full((3, 3), -np.inf), np.full((3, 3), np.inf)
-    lower[2], upper[2] = (knee_from, 0.0, 0.0), (knee_to, 0.0, 0.0)
-    return Armature.build(
-        "leg",
-        ["hips", "thigh", "shin"],
-        [-1, 0, 1],
-        np.array([[0, 0, 0], [0, 0, 0], [0, -0.5, 0]]),
-        tips=np.array([[0, 0, 0], [0, -0.5, 0], [0, -0.5, 0]]),
-        lower=lower,
-        upper=upper,
-    )
-
-
-@pytest.mark.parametrize("sign", [1.0, -1.0])
-def test_a_straight_knee_bends_the_way_its_range_says(sign: float) -> None:
-    ends = sorted((0.0, sign * math.radians(150)))
-    solver = DampedJacobian(leg(*ends), [2])
-    for goal in ([0.0, -0.6, 0.0], [0.0, -0.6, 0.3], [0.0, -0.6, -0.3], [0.2, -0.5, 0.2]):
-        goals = np.array([goal])
-        pose = solved(solver, goals)
-        assert misses(solver, pose, goals)[0] < 0.01
-        assert sign * pose.bones[2, 0] > 0.2
-        assert np.array_equal(pose.bones[2, 1:3], [0.0, 0.0])
-
-
-def test_a_stiff_bone_leaves_its_share_to_the_others() -> None:
-    free = chain(4)
-    limits = np.array([np.inf, np.inf, 0.05, np.inf, np.inf])
-    solver = DampedJacobian(replace(free, limits=frozen(limits)), [4])
-    for goal in ([0.5, 0.5, 0.0], [0.2, 0.0, -0.7], [0.6, 0.0, 0.0]):
-        goals = np.array([goal])
-        assert misses(solver, solved(solver, goals), goals)[0] < 0.01
-
-
-@pytest.mark.parametrize("limit", [0.35, 0.6, 1.0])
-def test_limits_do_not_make_a_puppet_jump(limit: float) -> None:
-    workload = creature()
-    armature = replace(workload.armature, limits=frozen(np.full(25, limit)))
-    solver = DampedJacobian(armature, workload.effectors)
-    goals = workload.goals(300)
-    tips = np.array([tips_of(armature, solved(solver, g), workload.effectors) for g in goals])
-    steps, wished = (np.linalg.norm(np.diff(x, axis=0), axis=-1).max() for x in (tips, goals))
-    assert steps < 1.2 * wished
-
-
-def test_limits_are_reached_without_a_jump_however_closely_one_looks() -> None:
-    workload = creature()
-    armature = replace(workload.armature, limits=frozen(np.full(25, 0.35)))
-    solver = DampedJacobian(armature, workload.effectors)
-    start, end = workload.goals(2, step=180)[1], workload.goals(2, step=186)[1]
-    ways = np.linspace(0.0, 1.0, 401)[:, None, None]
-    poses = np.array([solved(solver, start + (end - start) * way).bones for way in ways])
-    assert np.abs(np.diff(poses, axis=0)).max() < 0.02
-
-
 # Compiled and plain
 
 
 def test_compiled_and_plain_give_the_same() -> None:
     script = (
-        "import numpy as np\n"
-        "from tests.test_damped_jacobian import *\n"
+        "from puppet.solvers.damped_jacobian import DampedJacobian\n"
+        "from tests.ik_trials import limited\n"
+        "from tests.ik_workloads import creature\n"
         "w = creature()\n"
         "a = limited(w.armature, 3)\n"
         "p = DampedJacobian(a, w.effectors)(w.intent(w.goals(2, step=50)[1]))\n"
