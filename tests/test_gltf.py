@@ -212,6 +212,7 @@ def test_several_skins_that_share_joints_make_one_armature(load: Load) -> None:
 def test_several_roots_are_kept(load: Load) -> None:
     maker = Maker()
     del maker.nodes[0]["children"]
+    maker.nodes[1]["translation"] = [5, 5, 5]  # near the first, it would be taken for its own
     maker.document["scenes"][0]["nodes"].append(1)
     assert load(maker).armature.parents.tolist() == [-1, -1]
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from puppet.errors import BadMessageError
-from puppet.net import messages
+from puppet.net import mapping_messages, messages
 from puppet.net.messages import (
     CastMessage,
     Decoder,
@@ -24,8 +24,13 @@ from puppet.net.messages import (
 from puppet.pose import Pose
 from puppet.skeleton import SkeletonFrame
 
+MAPPING = [
+    kind
+    for kind in vars(mapping_messages).values()
+    if isinstance(kind, type) and issubclass(kind, Message) and kind is not Message
+]
 #: Version -> fingerprint of all layouts. After a change of layout: a new version, a new line here.
-LAYOUTS = {1: "151d5f833e8c0d46"}
+LAYOUTS = {1: "151d5f833e8c0d46", 2: "6361085faec77935"}
 
 
 def frame() -> SkeletonFrame:
@@ -53,7 +58,7 @@ def test_a_pose_comes_through_bit_for_bit() -> None:
 
 
 def test_the_layout_of_messages_changes_only_with_the_version() -> None:
-    kinds = [SkeletonMessage, SceneMessage, CastMessage, HealthMessage]
+    kinds = [SkeletonMessage, SceneMessage, CastMessage, HealthMessage, *MAPPING]
     schema = json.dumps(msgspec.json.schema_components(kinds), sort_keys=True, default=str)
     fingerprint = hashlib.sha256(schema.encode()).hexdigest()[:16]
     assert LAYOUTS.get(messages.VERSION) == fingerprint
@@ -66,7 +71,7 @@ def test_another_version_is_refused_by_its_number_even_with_another_layout() -> 
     with pytest.raises(BadMessageError, match="another version") as caught:
         Decoder(SkeletonMessage)(encode(Future(version=9, limbs=3)))
     assert "9" in str(caught.value)
-    same_layout = msgspec.structs.replace(skeleton_message(), version=2)
+    same_layout = msgspec.structs.replace(skeleton_message(), version=messages.VERSION + 1)
     with pytest.raises(BadMessageError, match="another version"):
         Decoder(SkeletonMessage)(encode(same_layout))
 
