@@ -12,6 +12,7 @@ from puppet.cast import StagedPuppet
 from puppet.mapping.drive import ForwardDrive
 from puppet.mapping.effector_drive import EffectorDrive
 from puppet.mapping.effectors import propose_effectors
+from puppet.mapping.forward import propose_forward
 from puppet.mapping.proposal import Proposal
 from puppet.mapping.stance import Stance
 from puppet.pose import Pose
@@ -61,12 +62,12 @@ class DrivenPuppet:
         self._drive = self._drive.with_neutral(neutral)
         self._ease()
 
-    def warm_up(self) -> None:
-        """Compile what another mapping would need, so that the first change is no pause."""
-        self._transition.start()
-        effectors = propose_effectors(self.puppet.model.armature)[0]
-        if effectors.pairs and self._solver is None:
-            self._drive_by(effectors)
+    def warm_up(self, frame: SkeletonFrame) -> None:
+        """Compile what either way of driving needs, so that the first change is no pause."""
+        armature = self.puppet.model.armature
+        for build in (propose_forward, propose_effectors):
+            self.set_mapping(build(armature)[0])
+            self.step(frame, 1.0 / 30.0)
 
     def _ease(self) -> None:
         self._turn_limit.reset()  # the transition sees to it that nothing jumps

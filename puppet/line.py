@@ -94,11 +94,12 @@ class Line:
         stand_in = Line(self.puppets)
         points = np.zeros((20, 3))
         for sequence in range(3):
-            stand_in.step(
-                SkeletonFrame(sequence / 30.0, sequence, 0, points, np.full(20, sequence, np.uint8))
+            frame = SkeletonFrame(
+                sequence / 30.0, sequence, 0, points, np.full(20, sequence, np.uint8)
             )
-            for driven in stand_in._driven.values():
-                driven.warm_up()
+            tick = stand_in.step(frame)
+        for driven in stand_in._driven.values():
+            driven.warm_up(tick.frame)
 
     def _count_from(self, stance: Stance | None) -> None:
         if stance is None:

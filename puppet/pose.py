@@ -60,7 +60,7 @@ def rest_pose(armature: Armature) -> Pose:
 
 
 @kernel
-def _forward(
+def place_bones(
     parents: Ints,
     offsets: Floats,
     translation: Floats,
@@ -69,6 +69,7 @@ def _forward(
     positions: Floats,
     rotations: Floats,
 ) -> None:
+    """`forward_kinematics` as a kernel: fills (B, 3) positions and (B, 4) rotations."""
     # Written out in scalars: a small array for each product would cost more than the product.
     for bone in range(len(parents)):
         parent = parents[bone]
@@ -99,7 +100,7 @@ def forward_kinematics(armature: Armature, pose: Pose) -> tuple[Floats, Floats]:
     """Bone origins (B, 3) in metres and world_from_bone rotations (B, 4), both in the world."""
     count = len(armature)
     positions, rotations = np.empty((count, 3)), np.empty((count, 4))
-    _forward(
+    place_bones(
         armature.parents,
         armature.offsets,
         pose.translation,

@@ -93,17 +93,17 @@ class Proposal:
     follows: tuple[tuple[int, float], ...] = ()
 
     def as_json(self, *, explain: bool = False) -> dict[str, Any]:
-        """The form that `puppet map --json` prints."""
+        """The form that `puppet map --json` prints; with `explain` with all that is known."""
         out: dict[str, Any] = {
             "armature": self.armature.name,
             "mode": self.mode,
-            "merit": round(self.merit, 4),
             "pairs": [pair_json(pair, self, explain=explain) for pair in self.pairs],
             "unmapped": list(self.unmapped),
         }
         if self.follows:
             out["follow"] = {self.armature.names[bone]: share for bone, share in self.follows}
-        if self.offers:
+        if explain:
+            out["merit"] = round(self.merit, 4)
             out["offered_masters"] = [
                 {"master": offer.name, "effectors": list(offer.effectors), "why": offer.why}
                 for offer in self.offers
@@ -119,14 +119,14 @@ def pair_json(pair: Pair, proposal: Proposal, *, explain: bool) -> dict[str, Any
         names[0]: pair.name,
         names[1]: pair.partner,
         "score": round(pair.score, 4),
-        "confidence": round(pair.confidence, 3),
-        "certainty": pair.certainty,
     }
     if len(pair.bones) > 1:
         out["drives"] = [armature.names[bone] for bone in pair.bones]
     if pair.decided:
         out["decided"] = pair.decided
     if explain:
+        out["confidence"] = round(pair.confidence, 3)
+        out["certainty"] = pair.certainty
         out["margin"] = round(pair.margin, 4)
         out["reasons"] = {part: round(value, 4) for part, value in pair.reasons.items()}
         out["runners_up"] = [

@@ -25,7 +25,7 @@ import numpy as np
 from puppet.armature import Armature
 from puppet.errors import PuppetError
 from puppet.kernel import Floats, Ints, frozen, kernel
-from puppet.pose import Intent, Pose, _forward
+from puppet.pose import Intent, Pose, place_bones
 from puppet.rotation import (
     IDENTITY,
     conjugate,
@@ -82,7 +82,7 @@ def _place(
     for bone in active:
         if kinds[bone] == BOUNDED:
             bones[bone] = multiply(rests[bone], exp(turns[bone]))
-    _forward(parents, offsets, origin, upright, bones, origins, frames)
+    place_bones(parents, offsets, origin, upright, bones, origins, frames)
     for e in range(len(effectors)):
         tips[e] = origins[effectors[e]] + rotate(frames[effectors[e]], ends[effectors[e]])
 
@@ -207,7 +207,7 @@ def _reach_for(
     for bone in active:
         if kinds[bone] == BOUNDED:
             turns[bone] = log(shortest(multiply(conjugate(rests[bone]), bones[bone])))
-    _forward(parents, offsets, origin, upright, bones, origins, frames)
+    place_bones(parents, offsets, origin, upright, bones, origins, frames)
     for e in range(tip_count):
         tips[e] = origins[effectors[e]] + rotate(frames[effectors[e]], ends[effectors[e]])
 

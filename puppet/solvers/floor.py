@@ -10,7 +10,7 @@ import numpy as np
 from puppet.armature import Armature
 from puppet.kernel import Floats, Ints, frozen, kernel
 from puppet.mesh import Model
-from puppet.pose import Pose, _forward
+from puppet.pose import Pose, place_bones
 from puppet.rotation import conjugate, rotate
 
 
@@ -74,7 +74,7 @@ def _lowest(
 ) -> float:
     """The least height of all points in the world, metres; inf if there are none."""
     origins, frames = np.empty((len(parents), 3)), np.empty((len(parents), 4))
-    _forward(parents, offsets, translation, rotation, bones, origins, frames)
+    place_bones(parents, offsets, translation, rotation, bones, origins, frames)
     lowest = np.inf
     for i in range(len(points)):
         bone = point_bones[i]
