@@ -323,6 +323,30 @@ def decide(
     )
 
 
+bench = typer.Typer(help="How well and how fast, measured here.", no_args_is_help=True)
+app.add_typer(bench, name="bench")
+
+
+@bench.command(name="mapping")
+def bench_mapping(
+    folders: Annotated[
+        list[Path] | None,
+        typer.Argument(help="Folders with NAME.truth.toml files; the cast if none is given."),
+    ] = None,
+    rigs: Annotated[
+        list[Path] | None,
+        typer.Option(help="Where else to look for the rigs that truth files name. Repeatable."),
+    ] = None,
+    json: Annotated[bool, typer.Option("--json", help="For programs.")] = False,
+    wrong: Annotated[bool, typer.Option("--wrong", help="Also list every mistake.")] = False,
+) -> None:
+    """Map rigs whose right mapping is known: accuracy, time, and what the certainty is worth."""
+    from puppet.commands.bench import bench_mapping as measure
+
+    cast = Path(__file__).resolve().parents[1] / "configs" / "armatures"
+    measure(folders or [cast], rigs or (), as_json=json, wrong=wrong)
+
+
 @app.command()
 def models(
     cache: Annotated[

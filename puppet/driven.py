@@ -17,9 +17,9 @@ from puppet.mapping.proposal import Proposal
 from puppet.mapping.stance import Stance
 from puppet.pose import Pose
 from puppet.skeleton import SkeletonFrame
-from puppet.solvers.damped_jacobian import DampedJacobian
 from puppet.solvers.floor import Floor
 from puppet.solvers.joint_limits import JointLimits
+from puppet.solvers.oriented_tips import OrientedTips
 from puppet.solvers.transition import Transition
 from puppet.solvers.turn_limit import TurnLimit
 
@@ -36,7 +36,7 @@ class DrivenPuppet:
         self._transition = Transition()
         self._floor = None if puppet.floor is None else Floor(armature, puppet.floor)
         self._drive: ForwardDrive | EffectorDrive
-        self._solver: DampedJacobian | None
+        self._solver: OrientedTips | None
         self._drive_by(puppet.proposal)
 
     def step(self, frame: SkeletonFrame, dt: float) -> Pose:
@@ -88,4 +88,4 @@ class DrivenPuppet:
                 armature, proposal.pairs, self._neutral, puppet.placement, puppet.reach
             )
             self._drive = drive
-            self._solver = DampedJacobian(armature, drive.effectors)
+            self._solver = OrientedTips(armature, drive.effectors, drive.oriented)

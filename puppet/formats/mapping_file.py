@@ -1,20 +1,23 @@
 """What was decided of a show's puppets: a ``.mappings.toml`` beside the show.
 
-An entry belongs to a puppet and its armature's fingerprint; the same rig is recognised under
-another name too. Entries of rigs that are not on stage stay as they are. A file is replaced in one
-go and is on the disk before anybody is told so: whatever happens, and whenever, the old file or the
-new one is there, whole.
+An entry belongs to a puppet and its armature's fingerprint. Entries of rigs that are not on stage
+stay as they are. A file is replaced in one go and is on the disk before anybody is told so:
+whatever happens, and whenever, the old file or the new one is there, whole. It ends with a line
+that says so, because a TOML file that was cut off between two tables is still TOML.
 """
 
 from __future__ import annotations
 
+import contextlib
+import fcntl
+import json
 import os
-import tempfile
+import time
+from collections.abc import Collection, Iterable, Iterator
 from pathlib import Path
 from typing import Annotated, Any, Final
 
 import msgspec
-import tomli_w
 
 from puppet.errors import BadFileError, UnavailableError
 from puppet.mapping.decisions import Act, Decision
@@ -25,6 +28,9 @@ _HEADER: Final = """\
 # What was decided of this show's puppets. puppet writes this file with every decision; it may be
 # read, kept in version control and edited while no show is running. docs/formats.md describes it.
 """
+_END: Final = "[end]  # without this line the file counts as cut off\n"
+#: Seconds after which the part of a file that a killed process left is nobody's any more.
+_STALE: Final = 60.0
 
 
 class KeptRecord(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -50,7 +56,7 @@ class StepRow(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     decisions: tuple[Decision, ...]
 
 
-class Entry(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+class Entry(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
     """All about one armature.
 
     puppet: its name in the show. kept, banned, masters, mode: what held before the first step; the
@@ -70,21 +76,58 @@ class Entry(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class MappingFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """The file."""
+    """The file. end: the mark of its last line; nothing is in it."""
 
     version: int = VERSION
     puppets: tuple[Entry, ...] = ()
+    end: dict[str, bool] = {}
 
-    def entry(self, puppet: str, fingerprint: str) -> Entry | None:
-        """The entry of an armature: that of this puppet, or else of another with the same rig."""
+    def entry(self, puppet: str, fingerprint: str, others: Collection[str] = ()) -> Entry | None:
+        """The entry of an armature: that of this puppet, or else of another with the same rig.
+
+        others: puppets that are on stage themselves; what was decided of them is theirs alone.
+        """
         alike = [entry for entry in self.puppets if entry.fingerprint == fingerprint]
-        return next((e for e in alike if e.puppet == puppet), alike[-1] if alike else None)
+        its = next((entry for entry in alike if entry.puppet == puppet), None)
+        return its or next((entry for entry in alike[::-1] if entry.puppet not in others), None)
 
     def with_entry(self, entry: Entry) -> MappingFile:
         """The same with one entry more, or another one in its place."""
         key = (entry.puppet, entry.fingerprint)
         others = [e for e in self.puppets if (e.puppet, e.fingerprint) != key]
         return MappingFile(puppets=(*others, entry))
+
+
+class KeptMappings:
+    """A mapping file in use: what it holds, and how one entry of it is replaced.
+
+    Several shows may keep their decisions in one file; each replaces the entry that it changes.
+    """
+
+    def __init__(self, path: Path) -> None:
+        """Raises BadFileError for a file that makes no sense."""
+        self.path = path
+        self.read()
+
+    def read(self) -> MappingFile:
+        """The file as it is now. Raises BadFileError; then `file` is what it was."""
+        seen = _signature(self.path)
+        self.file = read_mappings(self.path)
+        self._seen = seen
+        return self.file
+
+    def put(self, entry: Entry | None = None) -> None:
+        """Write the file with an entry more, or in its place. When this returns, it is on the disk.
+
+        Raises UnavailableError if that is not possible, and BadFileError if somebody has edited
+        the file meanwhile and it makes no sense any more; then the file is as it was.
+        """
+        with _only_writer(self.path):
+            found = _signature(self.path)
+            file = self.file if found in (None, self._seen) else read_mappings(self.path)
+            file = file if entry is None else file.with_entry(entry)
+            write_mappings(self.path, file)
+            self.file, self._seen = file, _signature(self.path)
 
 
 def mappings_path(show: Path) -> Path:
@@ -107,7 +150,7 @@ def read_mappings(path: Path) -> MappingFile:
         ) from error
     try:
         document: Any = msgspec.toml.decode(data)
-    except (msgspec.DecodeError, UnicodeDecodeError) as error:
+    except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
         raise BadFileError(
             "this is not TOML, or it was cut off",
             where=path,
@@ -115,16 +158,24 @@ def read_mappings(path: Path) -> MappingFile:
             hint="mend the line, or move the file away to start without decisions",
         ) from None
     version = document.get("version")
+    if version is None:
+        raise BadFileError(
+            "this is not a mapping file, or it was cut off",
+            where=path,
+            expected=f"version = {VERSION}",
+            found="no version",
+            hint="move the file away to start without decisions",
+        )
     if version != VERSION:
         raise BadFileError(
             "the mapping file is of another version",
             where=path,
             expected=f"version = {VERSION}",
-            found=f"version = {version}" if version is not None else "no version",
+            found=f"version = {version}",
             hint="use the puppet that wrote it, or move the file away to start without decisions",
         )
     try:
-        return msgspec.convert(document, MappingFile)
+        file = msgspec.convert(document, MappingFile)
     except msgspec.ValidationError as error:
         what, _, place = str(error).partition(" - at ")
         raise BadFileError(
@@ -132,6 +183,15 @@ def read_mappings(path: Path) -> MappingFile:
             where=f"{path}: {place.strip('`').removeprefix('$').lstrip('.') or 'the whole file'}",
             hint="docs/formats.md describes the mapping file",
         ) from None
+    if "end" not in document:
+        raise BadFileError(
+            "the mapping file was cut off",
+            where=path,
+            expected="[end] as its last line",
+            found=f"{len(file.puppets)} puppets, and no end",
+            hint="get it back from a copy, or add the line if nothing is missing",
+        )
+    return file
 
 
 def write_mappings(path: Path, file: MappingFile) -> None:
@@ -139,28 +199,107 @@ def write_mappings(path: Path, file: MappingFile) -> None:
 
     Raises UnavailableError if that is not possible; then the old file is as it was.
     """
-    text = _HEADER + tomli_w.dumps(msgspec.to_builtins(file))
+    data = "".join(_lines(file)).encode()
     try:
-        with tempfile.NamedTemporaryFile(
-            "w", encoding="utf-8", dir=path.parent, prefix=f".{path.name}.", delete=False
-        ) as part:
-            try:
-                part.write(text)
-                part.flush()
-                os.fsync(part.fileno())
-                Path(part.name).replace(path)
-            except BaseException:
-                Path(part.name).unlink(missing_ok=True)
-                raise
+        path = path.resolve()  # what a link leads to is replaced, not the link
+        _sweep(path)
+        part = path.with_name(f".{path.name}.{os.getpid()}-{time.time_ns():x}")
+        mode = path.stat().st_mode & 0o777 if path.exists() else 0o666
+        try:
+            with os.fdopen(os.open(part, os.O_WRONLY | os.O_CREAT | os.O_EXCL, mode), "wb") as out:
+                out.write(data)
+                out.flush()
+                os.fsync(out.fileno())
+            part.replace(path)
+        except BaseException:
+            part.unlink(missing_ok=True)
+            raise
         folder = os.open(path.parent, os.O_RDONLY)
         try:
             os.fsync(folder)
         finally:
             os.close(folder)
     except OSError as error:
-        raise UnavailableError(
-            "the decision cannot be saved, so it does not hold",
-            where=path,
-            found=error.strerror or str(error),
-            hint="make the folder writable, or name another file: mappings = … in the show",
-        ) from None
+        raise _not_saved(path, error) from None
+
+
+def _sweep(path: Path) -> None:
+    """Remove what killed processes left of this file."""
+    for left in path.parent.iterdir():
+        if left.name.startswith(f".{path.name}."):
+            with contextlib.suppress(OSError):
+                if time.time() - left.stat().st_mtime > _STALE:
+                    left.unlink()
+
+
+@contextlib.contextmanager
+def _only_writer(path: Path) -> Iterator[None]:
+    """Nobody else who asks for the same writes a mapping file of this folder meanwhile."""
+    try:
+        folder = os.open(path.resolve().parent, os.O_RDONLY | os.O_DIRECTORY)
+    except OSError as error:
+        raise _not_saved(path, error) from None
+    try:
+        with contextlib.suppress(OSError):  # a file system without locks: as good as it gets
+            fcntl.flock(folder, fcntl.LOCK_EX)
+        yield
+    finally:
+        os.close(folder)
+
+
+def _signature(path: Path) -> tuple[int, int, int] | None:
+    """Differs whenever somebody has replaced or edited the file; None if there is none."""
+    try:
+        stat = path.stat()
+    except OSError:
+        return None
+    return stat.st_ino, stat.st_size, stat.st_mtime_ns
+
+
+def _not_saved(path: Path, error: OSError) -> UnavailableError:
+    return UnavailableError(
+        "the decision cannot be saved, so it does not hold",
+        where=path,
+        found=error.strerror or str(error),
+        hint="make the folder writable, or name another file in the show: mappings = …",
+    )
+
+
+def _lines(file: MappingFile) -> Iterator[str]:
+    """The file as people like to read it: a line for each step and bone, and what it says."""
+    yield f"{_HEADER}version = {file.version}\n"
+    for entry in file.puppets:
+        fields: dict[str, Any] = msgspec.to_builtins(entry)
+        steps = [_sentence(row) for row in entry.steps]
+        yield "\n[[puppets]]\n"
+        for key, value in fields.items():
+            if isinstance(value, list | tuple):
+                yield from _rows(key, value, steps if key == "steps" else ())
+            else:
+                yield f"{key} = {_inline(value)}\n"
+    yield f"\n{_END}"
+
+
+def _rows(key: str, rows: Iterable[Any], comments: Iterable[str]) -> Iterator[str]:
+    yield f"{key} = [\n"
+    says = iter(comments)
+    for row in rows:
+        comment = next(says, None)
+        yield "" if comment is None else f"    # {comment}\n"
+        yield f"    {_inline(row)},\n"
+    yield "]\n"
+
+
+def _sentence(row: StepRow) -> str:
+    text = "; ".join(decision.sentence() for decision in row.decisions)
+    return "".join(letter if letter.isprintable() else "?" for letter in text)
+
+
+def _inline(value: object) -> str:
+    if isinstance(value, str):
+        return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
+    if isinstance(value, dict):
+        return "{" + ", ".join(f"{_inline(k)} = {_inline(v)}" for k, v in value.items()) + "}"
+    if isinstance(value, list | tuple):
+        return "[" + ", ".join(map(_inline, value)) + "]"
+    return repr(value)

@@ -5,8 +5,10 @@ parts, as the body makes it: what carries the limb (shoulders over hips) and the
 is scaled by what the puppet has in its place, length to length, and added to where the effector
 rests. Beyond reach the solver gives in softly.
 
-Feet are different: they stand. Upwards they count from the floor, and along it they go as far as
-the puppet itself goes, so that a planted foot stays planted while the body sways above it.
+Heads stay level and feet flat, where the chain can still bend without its last bone; wings, which
+end at a side, bend to their tips. Feet stand: upwards they count from the floor, and along it they
+go as far as the puppet itself goes, so that a planted foot stays planted while the body sways above
+it.
 """
 
 from __future__ import annotations
@@ -46,6 +48,7 @@ class _Line:
 
     carried, limb: metres of the puppet for each metre of the performer, along (left, up, forward):
     of what carries the limb, and of the limb. stands: whether it is a foot.
+    turned: (4,) armature_from_bone, how the bone is to stay; None if it bends with the others.
     """
 
     bone: int
@@ -55,6 +58,7 @@ class _Line:
     carried: Floats
     limb: Floats
     stands: bool
+    turned: Floats | None
     why: str
 
 
@@ -84,6 +88,7 @@ class EffectorDrive:
         self._lines = tuple(
             line for pair in self.pairs for line in _lines(armature, pair, self.placement, reach)
         )
+        self.oriented = tuple(line.bone for line in self._lines if line.turned is not None)
 
     def with_neutral(self, neutral: Stance) -> EffectorDrive:
         """The same mapping, counted from another neutral stance."""
@@ -109,7 +114,7 @@ class EffectorDrive:
                 way = line.carried * gone[line.anchor]
                 way = way + line.limb * (gone[line.tip] - gone[line.anchor])
                 position = line.rest + way * trust
-            goals.append(Goal(line.bone, position, why=line.why))
+            goals.append(Goal(line.bone, position, line.turned, why=line.why))
         base = Pose(translation, rotation, self.armature.rotations)
         return Intent(base, tuple(goals))
 
@@ -153,9 +158,18 @@ def _lines(armature: Armature, pair: Pair, placement: Placement, reach: float) -
         if stands:
             along = placement.along
             limb[0], limb[2] = along[0], along[2]
+        level = stands or not sides[bone]
+        turned = armature.rest[1][bone] if level and _bends(armature, bone) else None
         yield _Line(
-            bone, armature.rest_tips[bone], anchor, tip, carried, limb, stands, pair.partner
+            bone, armature.rest_tips[bone], anchor, tip, carried, limb, stands, turned, pair.partner
         )
+
+
+def _bends(armature: Armature, bone: int) -> bool:
+    """Whether enough is left to bend if the last bone of a chain does not: two bones or more."""
+    parent = int(armature.parents[bone])
+    above = int(armature.parents[parent]) if parent >= 0 else -1
+    return above >= 0 and int(armature.parents[above]) >= 0
 
 
 def _leg_scale(armature: Armature, pair: Pair) -> float:

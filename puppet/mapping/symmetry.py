@@ -2,8 +2,8 @@
 
 By shape, two limbs are a left and a right one when they mirror each other: siblings of the same
 build whose ends lie square to a plane that the other such pairs share. Which of them is the left
-one depends on where the character faces: along the feet or fins at the ends of its limbs, and +Z
-where these say nothing (glTF's convention).
+one depends on where the character faces: +Z (glTF's convention), but where left and right lie along
+z, the way its feet point.
 """
 
 from __future__ import annotations
@@ -126,16 +126,21 @@ def _leftwards(armature: Armature, across: Floats, pairs: Sequence[tuple[int, in
     """`across`, pointing to the character's left."""
     forward = np.cross(across, _UP)
     forward /= max(float(np.linalg.norm(forward)), 1e-9)
+    along = float(forward[2])
+    if abs(along) < 0.5:
+        # It looks along x, against the convention: its feet say which way.
+        along = float(_feet(armature, pairs) @ forward) or float(forward[0])
+    return np.asarray(np.cross(_UP, forward if along >= 0.0 else -forward))
+
+
+def _feet(armature: Armature, pairs: Sequence[tuple[int, int]]) -> Floats:
+    """The sum of the last bones of those limbs that come down furthest. -> (3,)"""
     positions, tips = armature.rest[0], armature.rest_tips
     limbs = [bone for pair in pairs for start in pair for bone in _below(armature, start)]
     ends = [bone for bone in limbs if not armature.children[bone]]
     lowest = min((float(tips[bone][1]) for bone in ends), default=0.0)
     feet = [b for b in ends if tips[b][1] - lowest < 0.15 * max(armature.size, 1e-9)]
-    along = float(sum((tips[bone] - positions[bone]) @ forward for bone in feet))
-    if abs(along) < 0.01 * armature.size:
-        along = float(forward[2]) if abs(float(forward[2])) > 0.1 else float(forward[0])
-    left = np.cross(_UP, forward if along >= 0.0 else -forward)
-    return np.asarray(left)
+    return np.asarray(sum(tips[bone] - positions[bone] for bone in feet))
 
 
 def _middle(armature: Armature, start: int) -> Floats:

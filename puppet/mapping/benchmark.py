@@ -1,0 +1,216 @@
+"""A benchmark for automatic mapping onto rigs of any shape: proposals against what people said.
+
+A case is a rig with a truth file (`puppet.mapping.truth`) under one mode. Each is also tried in
+harder dress: without the names of its bones, so that left and right have to be found by shape.
+docs/mapping-benchmark.md describes it, for other programs too.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Final, Literal
+
+import numpy as np
+
+from puppet.armature import Armature
+from puppet.errors import BadFileError
+from puppet.formats.armature_toml import load_puppet
+from puppet.formats.model import MODEL_SUFFIXES
+from puppet.mapping.blocks import NEVER, combined_block, similarity_block
+from puppet.mapping.confidence import LIKELY, SURE
+from puppet.mapping.decisions import Verdicts
+from puppet.mapping.human import HUMAN, HUMAN_LIMBS
+from puppet.mapping.proposal import Mode, Pair, Proposal
+from puppet.mapping.ranking import best_first, hungarian
+from puppet.mapping.service import Rig
+from puppet.mapping.truth import Judged, ModeTruth, Truth, check_names, judge, load_truth
+
+ENDING: Final = ".truth.toml"
+Dress = Literal["as it is", "without names"]
+DRESSES: Final[tuple[Dress, ...]] = ("as it is", "without names")
+
+
+@dataclass(frozen=True, slots=True)
+class Case:
+    """A rig, what is right for it, and where that was said."""
+
+    name: str
+    rig: Rig
+    truth: Truth
+    path: Path
+
+
+@dataclass(frozen=True, slots=True)
+class Result:
+    """One case under one mode in one dress. seconds: for the proposal, without reading files."""
+
+    case: Case
+    mode: Mode
+    dress: Dress
+    judged: tuple[Judged, ...]
+    baseline: tuple[Judged, ...]
+    seconds: float
+
+    @property
+    def right(self) -> int:
+        """How many bones the proposal is right about."""
+        return sum(one.right for one in self.judged)
+
+
+@dataclass(frozen=True, slots=True)
+class Band:
+    """Pairs shown with one word: how often they are right, and how often they claim to be."""
+
+    word: str
+    pairs: int
+    right: float
+    claimed: float
+
+
+def find_cases(folders: Iterable[Path], rigs: Sequence[Path] = ()) -> list[Case]:
+    """Every truth file in the folders with its rig, which lies beside it or in one of `rigs`.
+
+    Raises BadFileError for a truth file or a rig that cannot be read, for a rig that is nowhere,
+    and for a folder without any truth file.
+    """
+    cases = []
+    for folder in folders:
+        found = sorted(folder.glob(f"*{ENDING}"))
+        if not found:
+            raise BadFileError(
+                "there is no truth file in this folder",
+                where=folder,
+                expected=f"files that end in {ENDING}",
+                hint="docs/mapping-benchmark.md describes them",
+            )
+        cases += [_case(path, rigs) for path in found]
+    return cases
+
+
+def _case(path: Path, rigs: Sequence[Path]) -> Case:
+    truth = load_truth(path)
+    stem = path.name.removesuffix(ENDING)
+    names = [truth.rig] if truth.rig else [stem + ending for ending in (".toml", *MODEL_SUFFIXES)]
+    places = [folder / name for folder in (path.parent, *rigs) for name in names]
+    rig = next((place for place in places if place.is_file()), None)
+    if rig is None:
+        raise BadFileError(
+            "the rig of this truth file is nowhere",
+            where=path,
+            expected=names[0],
+            found=f"not in {', '.join(str(folder) for folder in (path.parent, *rigs))}",
+            hint="name its folder with --rigs",
+        )
+    puppet = load_puppet(rig)
+    check_names(truth, puppet.model.armature.names, path)
+    traits = puppet.traits
+    return Case(
+        stem,
+        Rig(puppet.model.armature, traits.preferences, dict(traits.masters)),
+        truth,
+        path,
+    )
+
+
+def run(cases: Iterable[Case], dresses: Sequence[Dress] = DRESSES) -> Iterator[Result]:
+    """Every case under every mode that its truth speaks of."""
+    modes: tuple[Mode, ...] = ("fk", "ik")
+    for case in cases:
+        for mode in modes:
+            truth = case.truth.of(mode)
+            if not (truth.expect or truth.unmapped):
+                continue
+            for dress in dresses:
+                rig, renamed = _dressed(case.rig, truth, dress)
+                started = time.perf_counter()
+                proposal = rig.propose(_verdicts(rig, renamed, mode))[0]
+                seconds = time.perf_counter() - started
+                yield Result(
+                    case,
+                    mode,
+                    dress,
+                    tuple(judge(proposal, renamed)),
+                    tuple(judge(_BASELINES[mode](rig.armature), renamed)),
+                    seconds,
+                )
+
+
+def _verdicts(rig: Rig, truth: ModeTruth, mode: Mode) -> Verdicts:
+    return Verdicts(mode, masters={**rig.masters, **truth.masters})
+
+
+def _dressed(rig: Rig, truth: ModeTruth, dress: Dress) -> tuple[Rig, ModeTruth]:
+    if dress == "as it is":
+        return rig, truth
+    armature = rig.armature
+    new = {name: f"b{bone}" for bone, name in enumerate(armature.names)}
+
+    def called(name: str) -> str:
+        return new.get(name, name)
+
+    return (
+        replace(
+            rig,
+            armature=replace(armature, names=tuple(new.values())),
+            masters={m: tuple(map(called, bones)) for m, bones in rig.masters.items()},
+        ),
+        ModeTruth(
+            expect={called(bone): partners for bone, partners in truth.expect.items()},
+            unmapped=tuple(map(called, truth.unmapped)),
+            ordered=tuple(tuple(map(called, run)) for run in truth.ordered),
+            masters={m: tuple(map(called, bones)) for m, bones in truth.masters.items()},
+        ),
+    )
+
+
+def calibration(results: Iterable[Result]) -> list[Band]:
+    """How much the words for certainty are worth, the surest first."""
+    pairs = [
+        (one.pair.confidence, one.right)
+        for result in results
+        for one in result.judged
+        if one.pair is not None
+    ]
+    bands = []
+    for word, low, high in (
+        ("sure", SURE, 2.0),
+        ("likely", LIKELY, SURE),
+        ("doubtful", -1.0, LIKELY),
+    ):
+        inside = [(claimed, right) for claimed, right in pairs if low <= claimed < high]
+        count = len(inside)
+        right = float(np.mean([right for _, right in inside])) if count else float("nan")
+        claimed = float(np.mean([claimed for claimed, _ in inside])) if count else float("nan")
+        bands.append(Band(word, count, right, claimed))
+    return bands
+
+
+def _plain_forward(armature: Armature) -> Proposal:
+    """The baseline: the Hungarian algorithm on the paper's matrix of bones, and nothing else."""
+    scores = combined_block(armature, HUMAN)
+    pairs = hungarian(np.maximum(scores, 0.0), scores > NEVER)
+    return Proposal(armature, "fk", tuple(_pair(armature, *pair) for pair in pairs))
+
+
+def _plain_effectors(armature: Armature) -> Proposal:
+    """The baseline: leaves to control points, best node-edge similarity first."""
+    leaves = [bone for bone, children in enumerate(armature.children) if not children]
+    tips = [limb.tip for limb in HUMAN_LIMBS]
+    scores = similarity_block(armature, HUMAN)[np.ix_(leaves, tips)]
+    pairs = best_first(scores, np.ones(scores.shape, bool))
+    return Proposal(
+        armature, "ik", tuple(_pair(armature, leaves[row], tips[column]) for row, column in pairs)
+    )
+
+
+def _pair(armature: Armature, bone: int, human: int) -> Pair:
+    return Pair(armature.names[bone], (bone,), human, 0.0)
+
+
+_BASELINES: Final[dict[Mode, Callable[[Armature], Proposal]]] = {
+    "fk": _plain_forward,
+    "ik": _plain_effectors,
+}
