@@ -19,7 +19,7 @@ from puppet.mapping.blocks import BLOCKS
 from puppet.mapping.decisions import Act, Decision
 from puppet.mapping.human import HUMAN
 from puppet.mapping.proposal import Mode, Pair, Proposal
-from puppet.mapping.service import MappingService
+from puppet.mapping.service import MOST_PROPOSALS, MappingService
 from puppet.net.bus import Bus
 from puppet.net.mapping_client import MappingClient
 from puppet.show import load_show
@@ -51,8 +51,22 @@ def map_armature(
     if decisions:
         service.decide(name, decisions)
     if matrix is not None:
+        if checked == "ik":
+            raise BadShowError(
+                "the score matrix is that of FK",
+                where="--matrix",
+                found="--mode ik",
+                hint="--mode ik --explain says what each end effector scores",
+            )
         _print_matrix(puppet.model.armature, matrix, as_json=as_json)
         return
+    if not 1 <= k <= MOST_PROPOSALS:
+        raise BadShowError(
+            "so many mappings cannot be proposed",
+            where="--k",
+            expected=f"1 to {MOST_PROPOSALS}",
+            found=str(k),
+        )
     best, *others = service.propose(name, k=k)
     if as_json:
         document = best.as_json(explain=explain)
@@ -64,7 +78,7 @@ def map_armature(
         best, "forward kinematics" if checked == "fk" else "inverse kinematics", explain
     )
     for rank, other in enumerate(others, start=2):
-        _print_proposal(other, f"choice {rank}", explain, against=best)
+        _print_proposal(other, f"choice {rank} (* is not as in the first)", explain, against=best)
 
 
 def mode_of(text: str) -> Mode:
@@ -156,12 +170,13 @@ def _print_matrix(armature: Any, name: str, *, as_json: bool) -> None:
         sys.stdout.write(json.dumps(document) + "\n")
         return
     table = Table(title=f"{armature.name}: {name}")
-    table.add_column("bone")
+    table.add_column("bone", no_wrap=True)
     for human in HUMAN_BONE_NAMES:
         table.add_column(human.replace("upper_", "u_").replace("shoulder", "shld"), justify="right")
     for bone, row in zip(armature.names, block, strict=True):
         table.add_row(bone, *(f"{value:.3g}" if value else "·" for value in row))
-    Console(width=max(200, Console().width)).print(table)
+    # Numbers that are cut off are of no use: wider than the terminal if it must be.
+    Console(width=max(240, Console().width)).print(table)
 
 
 def decide_live(
@@ -178,6 +193,20 @@ def decide_live(
     redo: bool,
 ) -> None:
     """Correct the mapping of a running show, and print what drives the puppet then."""
+    changes = bool(mode or clear or group or ungroup or any(texts for _, texts in pairs))
+    if changes + undo + redo > 1:
+        raise BadDecisionError(
+            "only one of these can be done at a time",
+            where="--undo, --redo",
+            hint="give --undo or --redo alone, and what is to be decided in another call",
+        )
+    if puppet is None and (changes or undo or redo):
+        raise BadDecisionError(
+            "it is not said which puppet this is about",
+            expected="puppet decide SHOW PUPPET …",
+            found="no name of a puppet",
+            hint="puppet decide SHOW lists the puppets on stage",
+        )
     show = load_show(show_path)
     endpoint = show.bus.endpoint if port is None else f"tcp/127.0.0.1:{port}"
     with Bus.join(endpoint, show.key, wait=3.0) as bus:
@@ -206,9 +235,16 @@ def decide_live(
         elif redo:
             answer = client.redo(puppet)
         elif step:
-            answer = client.decide(puppet, step, getpass.getuser())
+            answer = client.decide(puppet, step, _who())
         _print_answer(answer)
         _print_history(client.history(puppet))
+
+
+def _who() -> str:
+    try:
+        return getpass.getuser()
+    except (KeyError, OSError):  # in a container a user may have no name
+        return ""
 
 
 def _master(text: str) -> Decision:

@@ -12,6 +12,7 @@ import contextlib
 import fcntl
 import json
 import os
+import re
 import time
 from collections.abc import Collection, Iterable, Iterator
 from pathlib import Path
@@ -183,6 +184,15 @@ def read_mappings(path: Path) -> MappingFile:
             where=f"{path}: {place.strip('`').removeprefix('$').lstrip('.') or 'the whole file'}",
             hint="docs/formats.md describes the mapping file",
         ) from None
+    for index, entry in enumerate(file.puppets):
+        if entry.holds > len(entry.steps):
+            raise BadFileError(
+                "more steps hold than there are",
+                where=f"{path}: puppets[{index}].holds",
+                expected=f"0 to {len(entry.steps)}",
+                found=str(entry.holds),
+                hint="docs/formats.md describes the mapping file",
+            )
     if "end" not in document:
         raise BadFileError(
             "the mapping file was cut off",
@@ -299,7 +309,11 @@ def _inline(value: object) -> str:
     if isinstance(value, str):
         return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
     if isinstance(value, dict):
-        return "{" + ", ".join(f"{_inline(k)} = {_inline(v)}" for k, v in value.items()) + "}"
+        return "{" + ", ".join(f"{_key(k)} = {_inline(v)}" for k, v in value.items()) + "}"
     if isinstance(value, list | tuple):
         return "[" + ", ".join(map(_inline, value)) + "]"
     return repr(value)
+
+
+def _key(text: str) -> str:
+    return text if re.fullmatch(r"[A-Za-z0-9_-]+", text) else _inline(text)

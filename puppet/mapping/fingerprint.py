@@ -11,6 +11,7 @@ from typing import Final
 import numpy as np
 
 from puppet.armature import Armature
+from puppet.kernel import Floats
 
 #: Digits of positions (in armature sizes) and quaternions that count.
 _DIGITS: Final = 5
@@ -30,12 +31,18 @@ def bone_records(armature: Armature) -> dict[str, BoneRecord]:
     records = {}
     for bone, name in enumerate(armature.names):
         parent = int(armature.parents[bone])
-        turn = armature.rotations[bone]
-        rest = np.concatenate([armature.offsets[bone] / size, turn if turn[3] >= 0.0 else -turn])
-        # + 0.0: a negative zero is a zero.
-        rounded = tuple(round(float(value), _DIGITS) + 0.0 for value in rest)
-        records[name] = BoneRecord(armature.names[parent] if parent >= 0 else "", rounded)
+        turn = _rounded(armature.rotations[bone])
+        # A rotation and its negative are one: w is positive, or else the first that is not zero.
+        sign = next((value for value in turn[::-1] if value), 1.0)
+        turn = turn if sign > 0.0 else _rounded(-armature.rotations[bone])
+        rest = (*_rounded(armature.offsets[bone] / size), *turn)
+        records[name] = BoneRecord(armature.names[parent] if parent >= 0 else "", rest)
     return dict(sorted(records.items()))
+
+
+def _rounded(values: Floats) -> tuple[float, ...]:
+    # + 0.0: a negative zero is a zero.
+    return tuple(round(float(value), _DIGITS) + 0.0 for value in values)
 
 
 def fingerprint(armature: Armature) -> str:

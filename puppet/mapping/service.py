@@ -8,7 +8,7 @@ of every new mapping through `on_change`, called before the one who decided gets
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from functools import cached_property
@@ -17,15 +17,14 @@ from pathlib import Path
 import msgspec
 
 from puppet.armature import Armature
-from puppet.errors import BadDecisionError, PuppetError
+from puppet.errors import BadDecisionError
 from puppet.formats.mapping_file import (
     BoneRow,
     Entry,
+    KeptMappings,
     KeptRecord,
     MappingFile,
     StepRow,
-    read_mappings,
-    write_mappings,
 )
 from puppet.mapping.decisions import LONGEST_HISTORY, Decision, Ledger, Verdicts
 from puppet.mapping.effectors import propose_effectors
@@ -81,6 +80,7 @@ class Rig:
 class _Puppet:
     name: str
     rig: Rig
+    mode: Mode  # as the show has it
     ledger: Ledger
     warnings: tuple[str, ...] = ()
 
@@ -111,11 +111,12 @@ class MappingService:
         Raises BadFileError for a mapping file that makes no sense.
         """
         self._lock = threading.RLock()
-        self._path = path
+        self._kept = None if path is None else KeptMappings(path)
         self.on_change = on_change
-        self._file = MappingFile() if path is None else read_mappings(path)
+        file = MappingFile() if self._kept is None else self._kept.file
         self._puppets = {
-            name: self._meet(name, rig, (modes or {}).get(name, "fk")) for name, rig in rigs.items()
+            name: _met(name, rig, (modes or {}).get(name, "fk"), file, rigs)
+            for name, rig in rigs.items()
         }
 
     @property
@@ -146,8 +147,8 @@ class MappingService:
         """Take decisions, as one step that can be undone. -> the mapping that follows
 
         They are on the disk, and `on_change` has been told, when this returns. Raises
-        BadDecisionError for what is not possible, and UnavailableError if it cannot be saved; in
-        both cases nothing has changed.
+        BadDecisionError for what is not possible, UnavailableError if it cannot be saved, and
+        BadFileError if somebody has spoilt the file meanwhile; then nothing has changed.
         """
         now = datetime.now(UTC).isoformat(timespec="seconds")
         step = [
@@ -203,10 +204,9 @@ class MappingService:
     def save(self) -> Path:
         """Write the file again, though every decision has done so. Raises UnavailableError."""
         with self._lock:
-            if self._path is None:
-                raise BadDecisionError("these decisions are kept in memory only")
-            write_mappings(self._path, self._file)
-            return self._path
+            kept = self._in_a_file()
+            kept.put()
+            return kept.path
 
     def load(self) -> tuple[str, ...]:
         """Read the file anew, as somebody edited it. -> warnings
@@ -214,22 +214,19 @@ class MappingService:
         Raises BadFileError for a file that makes no sense; then nothing has changed.
         """
         with self._lock:
-            if self._path is None:
-                raise BadDecisionError("these decisions are kept in memory only")
-            before = self._file
-            self._file = read_mappings(self._path)
-            try:
-                met = {
-                    name: self._meet(name, its.rig, its.ledger.start.mode)
-                    for name, its in self._puppets.items()
-                }
-            except PuppetError:
-                self._file = before
-                raise
-            self._puppets = met
-            for name in met:
-                self._tell(name)
-            return tuple(warning for its in met.values() for warning in its.warnings)
+            file = self._in_a_file().read()
+            self._puppets = {
+                name: _met(name, its.rig, its.mode, file, self._puppets)
+                for name, its in self._puppets.items()
+            }
+            for name in self._puppets:
+                self._tell(name, self.current(name))
+            return tuple(text for its in self._puppets.values() for text in its.warnings)
+
+    def _in_a_file(self) -> KeptMappings:
+        if self._kept is None:
+            raise BadDecisionError("these decisions are kept in memory only")
+        return self._kept
 
     def _find(self, puppet: str) -> _Puppet:
         try:
@@ -244,53 +241,78 @@ class MappingService:
     def _change(self, puppet: str, change: Callable[[_Puppet], Ledger]) -> Proposal:
         with self._lock:
             its = self._find(puppet)
-            ledger = change(its)
+            try:
+                ledger = change(its)
+            except BadDecisionError as error:
+                error.where = error.where or puppet
+                raise
             proposal = its.rig.propose(ledger.verdicts)[0]
-            if self._path is not None:
-                file = self._file.with_entry(_entry(its.name, its.rig, ledger))
-                write_mappings(self._path, file)
-                self._file = file
+            if not proposal.pairs and its.rig.propose(its.ledger.verdicts)[0].pairs:
+                _refuse_stillness(puppet, proposal.mode)
+            if self._kept is not None:
+                self._kept.put(_entry(its, ledger))
             its.ledger = ledger
-            if self.on_change is not None:
-                self.on_change(puppet, proposal)
+            self._tell(puppet, proposal)
             return proposal
 
-    def _tell(self, puppet: str) -> None:
+    def _tell(self, puppet: str, proposal: Proposal) -> None:
         if self.on_change is not None:
-            self.on_change(puppet, self.current(puppet))
-
-    def _meet(self, name: str, rig: Rig, mode: Mode) -> _Puppet:
-        """A puppet with what was decided of its rig, or of the rig that had its name."""
-        fresh = Ledger(Verdicts(mode, masters=dict(rig.masters)))
-        entry = self._file.entry(name, rig.fingerprint)
-        if entry is not None:
-            ledger, warnings = _replayed(entry, rig, fresh.start)
-            return _Puppet(name, rig, ledger, tuple(f"{name}: {text}" for text in warnings))
-        namesakes = [entry for entry in self._file.puppets if entry.puppet == name]
-        if not namesakes:
-            return _Puppet(name, rig, fresh)
-        entry = namesakes[-1]
-        was = {row.name: BoneRecord(row.parent, row.rest) for row in entry.bones}
-        changes = list(differences(was, bone_records(rig.armature)))
-        ledger, warnings = _replayed(entry, rig, fresh.start)
-        changed = "its rig has changed since it was decided about: " + "; ".join(changes)
-        return _Puppet(name, rig, ledger, tuple(f"{name}: {w}" for w in (changed, *warnings)))
+            self.on_change(puppet, proposal)
 
 
-def _entry(name: str, rig: Rig, ledger: Ledger) -> Entry:
+def _refuse_stillness(puppet: str, mode: Mode) -> None:
+    # A show in which nothing drives a puppet does not start: this would be the end of it.
+    raise BadDecisionError(
+        "then nothing would drive this puppet any more",
+        where=puppet,
+        hint='IK needs a chain of two bones or more: drive it by "fk"'
+        if mode == "ik"
+        else "leave it at least one pair",
+    )
+
+
+def _met(name: str, rig: Rig, mode: Mode, file: MappingFile, others: Collection[str]) -> _Puppet:
+    """A puppet with what was decided of its rig, or of the rig that had its name."""
+    fresh = Verdicts(mode, masters=dict(rig.masters))
+    now = bone_records(rig.armature)
+    entry = file.entry(name, rig.fingerprint, others)
+    changes: list[str] = []
+    if entry is None:
+        # A namesake that is the same but for rounding is the same.
+        namesakes = [
+            (list(differences(_records(entry), now)), entry)
+            for entry in file.puppets[::-1]
+            if entry.puppet == name
+        ]
+        changes, entry = min(namesakes, key=lambda item: bool(item[0]), default=([], None))
+    if entry is None:
+        return _Puppet(name, rig, mode, Ledger(fresh))
+    ledger, warnings = _replayed(entry, rig, fresh)
+    if changes:
+        warnings.insert(0, f"its rig has changed since it was decided about: {'; '.join(changes)}")
+    return _Puppet(name, rig, mode, ledger, tuple(f"{name}: {text}" for text in warnings))
+
+
+def _records(entry: Entry) -> dict[str, BoneRecord]:
+    return {row.name: BoneRecord(row.parent, row.rest) for row in entry.bones}
+
+
+def _entry(its: _Puppet, ledger: Ledger) -> Entry:
     start = ledger.start
+    # Once the oldest steps have been dropped, what they came to is not in the show any more.
+    folded = len(ledger.steps) == LONGEST_HISTORY
     return Entry(
-        puppet=name,
-        fingerprint=rig.fingerprint,
-        mode=start.mode if len(ledger.steps) == LONGEST_HISTORY else None,
+        puppet=its.name,
+        fingerprint=its.rig.fingerprint,
+        mode=start.mode if folded else None,
         holds=ledger.cursor,
         steps=tuple(StepRow(step) for step in ledger.steps),
         kept=tuple(KeptRecord(m, b, human, act) for (m, b), (human, act) in start.kept.items()),
         banned=tuple(KeptRecord(m, b, human, act) for (m, b, human), act in start.banned.items()),
-        masters=dict(start.masters),
+        masters=dict(start.masters) if folded else {},
         bones=tuple(
             BoneRow(bone, record.parent, record.rest)
-            for bone, record in bone_records(rig.armature).items()
+            for bone, record in bone_records(its.rig.armature).items()
         ),
     )
 
@@ -298,10 +320,12 @@ def _entry(name: str, rig: Rig, ledger: Ledger) -> Entry:
 def _replayed(entry: Entry, rig: Rig, fresh: Verdicts) -> tuple[Ledger, list[str]]:
     """The steps of a file on an armature; what does not fit it is left out, with a warning."""
     warnings: list[str] = []
-    state = fresh if entry.mode is None else replace(fresh, mode=entry.mode)
+    state = fresh if entry.mode is None else replace(fresh, mode=entry.mode, masters={})
+    # What is set by hand may share its partner, so it comes after what may not.
+    kept = sorted(entry.kept, key=lambda record: record.act == "set")
     before = [
         *(Decision("group", "ik", m, effectors=e) for m, e in entry.masters.items()),
-        *(Decision(record.act, record.mode, record.bone, record.human) for record in entry.kept),
+        *(Decision(record.act, record.mode, record.bone, record.human) for record in kept),
         *(Decision(record.act, record.mode, record.bone, record.human) for record in entry.banned),
     ]
     for decision in before:

@@ -5,6 +5,7 @@ Answers are given on the bus's own threads; the frames that arrive meanwhile are
 
 from __future__ import annotations
 
+import traceback
 from collections.abc import Callable
 from typing import Any, TypeVar
 
@@ -35,14 +36,20 @@ def answer_mapping(bus: Bus, service: MappingService) -> None:
 
     def serve(kind: type[R], reply: Callable[[R], dict[str, Any]]) -> None:
         decode = Decoder(kind)
+        tag = kind.__struct_config__.tag
 
         def answer(data: bytes) -> bytes:
             try:
                 return encode(MappingAnswer(result=reply(decode(data))))
             except PuppetError as error:
                 return encode(MappingAnswer(refusal=Refusal.of(error)))
+            except Exception as error:  # whoever asked must not wait for an answer in vain
+                traceback.print_exc()
+                found = f"{type(error).__name__}: {error}"
+                refusal = Refusal("the mapping service failed", f"mapping/{tag}", found=found)
+                return encode(MappingAnswer(refusal=refusal))
 
-        bus.answer(f"mapping/{kind.__struct_config__.tag}", answer)
+        bus.answer(f"mapping/{tag}", answer)
 
     serve(ListRequest, lambda _: {"puppets": [_card(service, name) for name in service.names]})
     serve(ProposeRequest, lambda r: _proposals(service.propose(r.puppet, r.mode, r.k)))
