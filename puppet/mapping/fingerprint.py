@@ -13,13 +13,17 @@ import numpy as np
 from puppet.armature import Armature
 from puppet.kernel import Floats
 
-#: Digits of positions (in armature sizes) and quaternions that count.
+#: Digits of positions (in bones' lengths) and quaternions that count.
 _DIGITS: Final = 5
 
 
 @dataclass(frozen=True, slots=True)
 class BoneRecord:
-    """What a fingerprint knows of a bone. rest: offset x, y, z in sizes and rotation xyzw."""
+    """What a fingerprint knows of a bone. rest: offset x, y, z in bones' lengths and rotation xyzw.
+
+    The length is the middle one of the rig, so that another scale changes no record and one bone
+    that was moved or turned changes only its own.
+    """
 
     parent: str
     rest: tuple[float, ...]
@@ -27,7 +31,9 @@ class BoneRecord:
 
 def bone_records(armature: Armature) -> dict[str, BoneRecord]:
     """By name, in the order of the names: neither the order of bones nor the scale matters."""
-    size = max(armature.size, 1e-12)
+    lengths = np.linalg.norm(armature.offsets[armature.parents >= 0], axis=1)
+    lengths = lengths[lengths > 1e-9 * armature.size]
+    size = max(float(np.median(lengths)) if len(lengths) else armature.size, 1e-12)
     records = {}
     for bone, name in enumerate(armature.names):
         parent = int(armature.parents[bone])
@@ -53,6 +59,7 @@ def fingerprint(armature: Armature) -> str:
 
 def differences(was: Mapping[str, BoneRecord], now: Mapping[str, BoneRecord]) -> Iterator[str]:
     """What changed, a sentence for each bone."""
+    scale = _scale(was, now)
     for name in was:
         if name not in now:
             yield f"{name} is gone"
@@ -62,5 +69,17 @@ def differences(was: Mapping[str, BoneRecord], now: Mapping[str, BoneRecord]) ->
         elif was[name].parent != bone.parent:
             before, after = was[name].parent or "nothing", bone.parent or "nothing"
             yield f"{name} hung on {before}, and now on {after}"
-        elif not np.allclose(was[name].rest, bone.rest, atol=5 * 10.0**-_DIGITS):
+        elif not np.allclose(was[name].rest, np.divide(bone.rest, scale), atol=5 * 10.0**-_DIGITS):
             yield f"{name} rests differently"
+
+
+def _scale(was: Mapping[str, BoneRecord], now: Mapping[str, BoneRecord]) -> Floats:
+    """What most bones' offsets were multiplied by: where bones come or go, the middle length may be
+    another one. (7,), as `BoneRecord.rest`."""
+    ratios = [
+        np.linalg.norm(bone.rest[:3]) / np.linalg.norm(was[name].rest[:3])
+        for name, bone in now.items()
+        if name in was and bone.parent and any(bone.rest[:3]) and any(was[name].rest[:3])
+    ]
+    scale = float(np.median(ratios)) if ratios else 1.0
+    return np.array([scale] * 3 + [1.0] * 4)
