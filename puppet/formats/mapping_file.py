@@ -175,6 +175,14 @@ def read_mappings(path: Path) -> MappingFile:
             found=f"version = {version}",
             hint="use the puppet that wrote it, or move the file away to start without decisions",
         )
+    if "end" not in document:
+        raise BadFileError(
+            "the mapping file was cut off",
+            where=path,
+            expected="[end] as its last line",
+            found="no such line",
+            hint="get it back from a copy, or add the line if nothing is missing",
+        )
     try:
         file = msgspec.convert(document, MappingFile)
     except msgspec.ValidationError as error:
@@ -193,14 +201,6 @@ def read_mappings(path: Path) -> MappingFile:
                 found=str(entry.holds),
                 hint="docs/formats.md describes the mapping file",
             )
-    if "end" not in document:
-        raise BadFileError(
-            "the mapping file was cut off",
-            where=path,
-            expected="[end] as its last line",
-            found=f"{len(file.puppets)} puppets, and no end",
-            hint="get it back from a copy, or add the line if nothing is missing",
-        )
     return file
 
 
