@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import json
 import os
 import subprocess
 import sys
 from pathlib import Path
-from typing import Any
 
 import pytest
 from PIL import Image
@@ -15,8 +13,18 @@ from PIL import Image
 from puppet.tracking.take import read_take
 
 REPOSITORY = Path(__file__).resolve().parents[1]
-ARMATURES = REPOSITORY / "configs/armatures"
-COMMANDS = ("run", "track", "stage", "view", "render", "record", "import", "map", "models")
+COMMANDS = (
+    "run",
+    "track",
+    "stage",
+    "view",
+    "render",
+    "record",
+    "import",
+    "map",
+    "decide",
+    "models",
+)
 
 
 def puppet(
@@ -41,28 +49,6 @@ def test_every_command_explains_itself(tmp_path: Path, command: str) -> None:
     assert "Usage" in done.stdout
     options = [line for line in done.stdout.splitlines() if line.strip().startswith("--")]
     assert all(len(line.split()) > 2 for line in options), "an option without a word about it"
-
-
-@pytest.mark.parametrize("character", ["fish", "lamp"])
-def test_map_prints_the_published_mapping_as_json(
-    tmp_path: Path, published: dict[str, Any], character: str
-) -> None:
-    done = puppet("map", ARMATURES / f"{character}.glb", "--mode", "fk", "--json", cwd=tmp_path)
-    assert done.returncode == 0, done.stderr
-    found = json.loads(done.stdout)
-    assert set(found) == {"armature", "mode", "pairs", "unmapped"}
-    assert (found["armature"], found["mode"]) == (character, "fk")
-    pairs = {pair["bone"]: pair["human"] for pair in found["pairs"]}
-    for bone, allowed in published[character]["expect"].items():
-        assert pairs[bone] in allowed
-    assert set(pairs) | set(found["unmapped"]) == set(published[character]["parents"])
-
-
-def test_map_prints_a_table_for_people(tmp_path: Path) -> None:
-    done = puppet("map", ARMATURES / "fish.glb", cwd=tmp_path)
-    assert done.returncode == 0
-    for word in ("fin.R", "upper_arm.R", "dorsal", "its parent"):
-        assert word in done.stdout
 
 
 def test_record_makes_a_take_that_can_be_recorded_again(tmp_path: Path) -> None:
@@ -115,10 +101,6 @@ def test_render_draws_films_and_sheets_that_open_again(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("arguments", "says"),
     [
-        (("map", "nothing.glb"), "nothing.glb"),
-        (("map", "empty.glb"), "empty"),
-        (("map", "text.glb"), "text.glb"),
-        (("map", ARMATURES / "fish.glb", "--mode", "xk"), "expected: fk"),
         (("record", "x.mcap", "--source", "nobody.mp4"), "no such source"),
         (("record", "x.mcap", "--source", "empty.mcap"), "empty"),
         (("record", "x.mcap", "--source", "webcam:one"), "not a webcam"),
@@ -143,7 +125,6 @@ def test_render_draws_films_and_sheets_that_open_again(tmp_path: Path) -> None:
 def test_what_cannot_work_is_told_without_a_traceback(
     tmp_path: Path, arguments: tuple[str | Path, ...], says: str
 ) -> None:
-    (tmp_path / "empty.glb").touch()
     (tmp_path / "empty.mcap").touch()
     (tmp_path / "text.glb").write_text("hello, this is text\n")
     done = puppet(*arguments, cwd=tmp_path)
