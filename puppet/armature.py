@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Literal
 
@@ -139,6 +139,13 @@ class Armature:
     @cached_property
     def _indices(self) -> dict[str, int]:
         return {bone: index for index, bone in enumerate(self.names)}
+
+    def holding(self, bones: Collection[int]) -> Armature:
+        """The same armature with these bones fixed at rest."""
+        movements = tuple(
+            "fixed" if bone in bones else movement for bone, movement in enumerate(self.movements)
+        )
+        return replace(self, movements=movements)
 
     @cached_property
     def children(self) -> tuple[tuple[int, ...], ...]:

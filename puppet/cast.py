@@ -104,7 +104,7 @@ def _staged(config: PuppetConfig, path: Path, puppet: Puppet, proposal: Proposal
         yaw=float(np.radians(config.yaw)),
         follow=None if follow is None else np.broadcast_to(np.array(follow, float), 3).copy(),
         turn=config.turn,
-        grounded=puppet.traits.grounded,
+        grounded=bool(puppet.traits.grounded),
     )
     floor = floor_points(model) if puppet.traits.grounded else None
     return StagedPuppet(config.name, path, scale, model, proposal, placement, config.reach, floor)

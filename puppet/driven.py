@@ -88,4 +88,6 @@ class DrivenPuppet:
                 armature, proposal.pairs, self._neutral, puppet.placement, puppet.reach
             )
             self._drive = drive
-            self._solver = OrientedTips(armature, drive.effectors, drive.oriented)
+            self._solver = OrientedTips(
+                armature.holding(drive.held), drive.effectors, drive.oriented
+            )

@@ -55,14 +55,22 @@ class Model:
     warnings: tuple[str, ...] = ()
 
     @property
+    def lowest(self) -> float:
+        """Metres, the height of its lowest point at rest."""
+        return float(self._heights().min())
+
+    @property
     def height(self) -> float:
         """Metres from its lowest point at rest to its highest; of the bones if it has no skin."""
+        return float(np.ptp(self._heights()))
+
+    def _heights(self) -> NDArray[Any]:
         points: list[NDArray[Any]] = [
             mesh.positions[:, 1] for mesh in self.meshes if len(mesh.positions)
         ]
         if not points:
             points = [self.armature.rest[0][:, 1], self.armature.rest_tips[:, 1]]
-        return float(np.ptp(np.concatenate(points)))
+        return np.concatenate(points)
 
     def scaled(self, factor: float) -> Model:
         """The same model, `factor` times as large about the armature's origin."""

@@ -5,6 +5,7 @@
     model = "seagull.glb"    # the model, where it does not have this file's stem
     grounded = true          # stands on the floor, and never sinks below it
     forward = "+z"           # where it faces in the file; it is turned to face +Z
+                             # (without these two its shape decides)
 
     [masters]                # one handle that drives several end effectors
     wings = ["wing_tip.L", "wing_tip.R"]
@@ -40,10 +41,14 @@ from puppet.errors import BadFileError
 from puppet.formats.model import MODEL_SUFFIXES, load_model
 from puppet.kernel import frozen
 from puppet.mapping.preferences import Preferences
+from puppet.mapping.symmetry import facing
 from puppet.mesh import Mesh, Model
 
 Record = TypeVar("Record", bound=msgspec.Struct)
 
+Facing = Literal["+x", "-x", "+z", "-z"]
+#: A model whose lowest point is so near to y = 0, as a share of its height, stands on the floor.
+_ON_THE_FLOOR: Final = 0.02
 #: Degrees about +Y that turn each direction to +Z.
 _TURNS: Final = {"+z": 0.0, "+x": -90.0, "-z": 180.0, "-x": 90.0}
 
@@ -88,8 +93,8 @@ class _File(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """The file as it is written; its bones are checked one by one, to name the bad one."""
 
     model: str | None = None
-    grounded: bool = False
-    forward: Literal["+x", "-x", "+z", "-z"] = "+z"
+    grounded: bool | None = None
+    forward: Facing | None = None
     masters: dict[str, tuple[str, ...]] = {}
     preferences: dict[str, Any] = {}
     bones: dict[str, dict[str, Any]] = {}
@@ -100,12 +105,13 @@ class Traits:
     """What the file says.
 
     grounded: the puppet stands on the floor (y = 0 at rest) and never sinks below it.
-    forward: where it faces in the glTF file. bones: by name, those that the file mentions.
+    forward: where it faces in the glTF file. None of either leaves it to the model.
+    bones: by name, those that the file mentions.
     masters: by name, the end effectors that each drives. preferences: of the puppeteer.
     """
 
-    grounded: bool = False
-    forward: Literal["+x", "-x", "+z", "-z"] = "+z"
+    grounded: bool | None = None
+    forward: Facing | None = None
     bones: Mapping[str, BoneTraits] = field(default_factory=dict)
     masters: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     preferences: Preferences = field(default_factory=Preferences)
@@ -133,10 +139,27 @@ def load_puppet(path: Path) -> Puppet:
         path = _model_of(beside)
     model = load_model(path)
     traits = load_traits(beside, model.armature) if beside.exists() else Traits()
-    model = _limited(_facing(model, traits), traits)
+    traits, warnings = _completed(traits, model)
+    model = _limited(_facing(replace(model, warnings=(*model.warnings, *warnings)), traits), traits)
     if beside.stem != path.stem:
         model = replace(model, armature=replace(model.armature, name=beside.stem))
     return Puppet(model, traits)
+
+
+def _completed(traits: Traits, model: Model) -> tuple[Traits, tuple[str, ...]]:
+    """With what the file does not say read off the model, and warnings where that changes it."""
+    grounded, forward = traits.grounded, traits.forward
+    warnings = []
+    if grounded is None:
+        grounded = abs(model.lowest) <= _ON_THE_FLOOR * model.height
+    if forward is None:
+        forward = facing(model.armature)
+        if forward != "+z":
+            warnings.append(
+                f"it looks along {forward} and is turned to face +z; forward in the .toml beside "
+                "it says otherwise"
+            )
+    return replace(traits, grounded=grounded, forward=forward), tuple(warnings)
 
 
 def _model_of(path: Path) -> Path:
@@ -241,7 +264,7 @@ def _limited(model: Model, traits: Traits) -> Model:
 
 def _facing(model: Model, traits: Traits) -> Model:
     """The model turned about +Y so that it faces +Z."""
-    if traits.forward == "+z":
+    if traits.forward is None or traits.forward == "+z":
         return model
     turn = Rotation.from_euler("y", _TURNS[traits.forward], degrees=True)
     armature = model.armature

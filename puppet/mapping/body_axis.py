@@ -11,7 +11,7 @@ import numpy as np
 
 from puppet.armature import Armature
 from puppet.kernel import Floats
-from puppet.mapping.anatomy import Anatomy, Limb
+from puppet.mapping.anatomy import Anatomy, Limb, anatomy
 
 
 def body_axis(armature: Armature, shape: Anatomy) -> Floats | None:
@@ -36,6 +36,12 @@ def body_axis(armature: Armature, shape: Anatomy) -> Floats | None:
         for one, other in ((a, b), (c, d))
     )
     return np.asarray(end - start) if float(np.linalg.norm(end - start)) > 1e-9 else None
+
+
+def stands_upright(armature: Armature) -> bool:
+    """Whether the body goes up from its legs, as ours does, and not along the ground."""
+    axis = body_axis(armature, anatomy(armature))
+    return axis is None or cosine(axis, np.array([0.0, 1.0, 0.0])) > 0.5
 
 
 def forwardness(

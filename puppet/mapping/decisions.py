@@ -18,7 +18,7 @@ import msgspec
 
 from puppet.armature import Armature
 from puppet.errors import BadDecisionError
-from puppet.mapping.human import CONTROL_POINTS, LIMB_NAMES
+from puppet.mapping.human import CONTROL_POINTS, LIMB_NAMES, WHOLE_LIMBS
 from puppet.mapping.proposal import Mode
 from puppet.skeleton import HUMAN_BONE_NAMES
 
@@ -101,6 +101,8 @@ class Verdicts:
             for key in [k for k in banned if k[:2] == (mode, bone) and human in ("", k[2])]:
                 del banned[key]
         elif decision.act in KEEPS:
+            if mode == "ik":
+                self._check_movable(decision, armature)
             if decision.act != "set":
                 self._check_free(decision)
             kept[mode, bone] = (human, decision.act)
@@ -146,7 +148,10 @@ class Verdicts:
                     hint=f"ungroup {name} first",
                 )
         masters[decision.bone] = tuple(decision.effectors)
-        return replace(self, masters=masters)
+        # From now on the master is what is decided about.
+        held = {("ik", effector) for effector in decision.effectors}
+        kept = {key: value for key, value in self.kept.items() if key not in held}
+        return replace(self, masters=masters, kept=kept)
 
     def _check_pair(self, decision: Decision, armature: Armature) -> None:
         bones = [*armature.names, *(self.masters if decision.mode == "ik" else ())]
@@ -168,17 +173,44 @@ class Verdicts:
                 found=f"a bone that {'slides' if movement == 'slide' else 'is fixed'}",
             )
 
-    def _check_free(self, decision: Decision) -> None:
-        if decision.human in LIMB_NAMES:
+    def _check_movable(self, decision: Decision, armature: Armature) -> None:
+        """That a goal can move the bone."""
+        if decision.bone not in armature.names:
             return
+        if armature.parents[armature.index(decision.bone)] < 0:
+            raise BadDecisionError(
+                "this bone is a root: it goes where the performer goes, and no goal moves it",
+                where=decision.bone,
+                found=decision.sentence(),
+            )
+        for master, effectors in self.masters.items():
+            if decision.bone in effectors:
+                raise BadDecisionError(
+                    "a master moves this bone already",
+                    where=decision.bone,
+                    found=f"{decision.bone} of {master}",
+                    hint=f"decide about {master}, or ungroup it first",
+                )
+
+    def _check_free(self, decision: Decision) -> None:
+        if decision.mode == "fk" and decision.human in WHOLE_LIMBS:
+            return
+        ours = _driver(decision.mode, decision.human)
         for (mode, bone), (human, act) in self.kept.items():
-            if (mode, human) == (decision.mode, decision.human) and bone != decision.bone:
+            if mode == decision.mode and _driver(mode, human) == ours and bone != decision.bone:
                 raise BadDecisionError(
                     f"{human} drives another bone already",
                     where=f"{decision.act} {decision.bone} = {human}",
                     found=f"{act} {bone} = {human}",
                     hint=f"clear {bone} first, or set {decision.bone} by hand: then both follow it",
                 )
+
+
+def _driver(mode: Mode, human: str) -> str:
+    """What moves a bone; under IK that of a whole limb is its control point."""
+    if mode == "ik" and human in LIMB_NAMES:
+        return CONTROL_POINTS[LIMB_NAMES.index(human)]
+    return human
 
 
 def partners_of(mode: Mode) -> tuple[str, ...]:

@@ -11,6 +11,8 @@ import numpy as np
 
 from puppet.armature import Armature
 from puppet.kernel import Floats, Ints, frozen
+from puppet.mapping.body_axis import stands_upright
+from puppet.mapping.human import SPINE
 from puppet.mapping.placement import Placement
 from puppet.mapping.proposal import Pair
 from puppet.mapping.stance import CARRIERS, Stance, measure_into
@@ -31,6 +33,10 @@ HUMAN_RANGES: Final = {
     "shin": 130.0,
     "foot": 45.0,
 }
+
+
+#: Radians that pelvis and chest of a body that lies along the ground turn, if nobody says.
+LYING: Final = math.radians(20.0)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -134,7 +140,11 @@ def _plan(armature: Armature, pairs: Iterable[Pair], follows: Iterable[tuple[int
             first = 0 if ancestor < 0 else carriers.index(int(humans[ancestor])) + 1
             path += carriers[first:]
             human_range = math.radians(HUMAN_RANGES[HUMAN_BONES[human].name.split(".")[0]])
-            gains[bone] = min(1.0, float(armature.limits[bone]) / human_range)
+            limit = float(armature.limits[bone])
+            if not math.isfinite(limit) and human in SPINE[:2] and not stands_upright(armature):
+                # A body that lies along the ground stands on its head if it bows as deep as we do.
+                limit = LYING
+            gains[bone] = min(1.0, limit / human_range)
         starts.append(len(path))
     return _Plan(
         frozen(humans, np.int32),

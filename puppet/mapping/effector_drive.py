@@ -13,6 +13,7 @@ it.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from typing import Final
@@ -22,6 +23,7 @@ import numpy as np
 from puppet.armature import Armature
 from puppet.kernel import Floats
 from puppet.mapping.anatomy import anatomy
+from puppet.mapping.body_axis import body_axis
 from puppet.mapping.human import HUMAN, HUMAN_LIMBS, HumanLimb
 from puppet.mapping.placement import FOLLOW, Placement
 from puppet.mapping.proposal import Pair
@@ -40,14 +42,20 @@ ANCHORS: Final = {
 }
 #: A body that is large against its limbs, or the other way round, scales at most so much.
 _MOST: Final = 6.0
+#: A tip that rests lower than this share of the armature's size stands on the floor.
+_NEAR_THE_FLOOR: Final = 0.06
+#: So much a head scales at most, for our own hardly moves on its neck.
+_NECK: Final = 2.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Line:
     """From one control point to one end effector, worked out once.
 
-    carried, limb: metres of the puppet for each metre of the performer, along (left, up, forward):
-    of what carries the limb, and of the limb. stands: whether it is a foot.
+    Metres of the puppet for each metre of the performer, along (left, up, forward):
+    carried: (3, 3) of what carries the limb. limb: (3,) of the limb itself.
+    steps: whether a foot drives what stands on the floor. lowest: metres that the effector's tip
+    stays above the floor; -inf where there is none.
     turned: (4,) armature_from_bone, how the bone is to stay; None if it bends with the others.
     """
 
@@ -57,7 +65,8 @@ class _Line:
     tip: Joint
     carried: Floats
     limb: Floats
-    stands: bool
+    steps: bool
+    lowest: float
     turned: Floats | None
     why: str
 
@@ -77,7 +86,11 @@ class EffectorDrive:
         placement: Placement | None = None,
         reach: float = 1.0,
     ) -> None:
-        """`reach`: multiplies how far the effectors go."""
+        """`reach`: multiplies how far the effectors go.
+
+        effectors: the bones with goals; oriented: those whose goals say how they are turned;
+        held: bones that are not to bend.
+        """
         self.armature = armature
         self.pairs = tuple(pairs)
         self.neutral = neutral
@@ -89,6 +102,7 @@ class EffectorDrive:
             line for pair in self.pairs for line in _lines(armature, pair, self.placement, reach)
         )
         self.oriented = tuple(line.bone for line in self._lines if line.turned is not None)
+        self.held = _pelvis(armature, self.pairs)
 
     def with_neutral(self, neutral: Stance) -> EffectorDrive:
         """The same mapping, counted from another neutral stance."""
@@ -105,15 +119,15 @@ class EffectorDrive:
         goals = []
         for line in self._lines:
             trust = float(min(frame.influence[line.anchor], frame.influence[line.tip]))
-            if line.stands:
+            if line.steps:
                 way = line.limb * gone[line.tip]
-                way[1] = max(line.limb[1] * (gone[line.tip, 1] + risen), 0.0)
-                # Where the foot belongs does not depend on how far the body has gone down.
-                position = line.rest + way * trust - np.array([0.0, sunk, 0.0])
+                way[1] = line.limb[1] * (gone[line.tip, 1] + risen) - sunk
             else:
-                way = line.carried * gone[line.anchor]
+                way = line.carried @ gone[line.anchor]
                 way = way + line.limb * (gone[line.tip] - gone[line.anchor])
-                position = line.rest + way * trust
+            position = line.rest + way * trust
+            # Where the floor is does not depend on how far the body has gone down.
+            position[1] = max(position[1], line.lowest - sunk)
             goals.append(Goal(line.bone, position, line.turned, why=line.why))
         base = Pose(translation, rotation, self.armature.rotations)
         return Intent(base, tuple(goals))
@@ -145,23 +159,37 @@ def _lines(armature: Armature, pair: Pair, placement: Placement, reach: float) -
     human = _limb(pair)
     anchor, tip = ANCHORS[human.name], HUMAN_BONES[human.tip].end
     sides = sides_of(armature)
-    stands = human.is_leg and placement.grounded
+    lying = _lying(armature)
     for bone in pair.bones:
         base, length = _chain(armature, bone)
-        root = armature.rest[0][_root_of(armature, bone)]
-        body = float(np.linalg.norm(armature.rest[0][base] - root))
+        body = float(np.linalg.norm(armature.rest[0][base] - _body_start(armature, base)))
         carried = np.full(3, _scale(body, _human_body(anchor)) * reach)
         limb = np.full(3, _scale(length, _human_length(human)) * reach)
         if human.side and sides[bone] and sides[bone] != human.side:
             # A master on both sides: what goes outwards for one goes outwards for the other.
             carried[0], limb[0] = -carried[0], -limb[0]
-        if stands:
-            along = placement.along
-            limb[0], limb[2] = along[0], along[2]
-        level = stands or not sides[bone]
-        turned = armature.rest[1][bone] if level and _bends(armature, bone) else None
+        if human.name == "head":
+            limb = np.minimum(limb, _NECK)
+        rest = armature.rest_tips[bone]
+        on_floor = placement.grounded and rest[1] < _NEAR_THE_FLOOR * armature.size
+        steps = placement.grounded and human.is_leg
+        if steps:
+            limb[0], limb[2] = placement.along[0], placement.along[2]
+        if on_floor:
+            carried[:] = 0.0  # a foreleg stays where it stands while the body bends above it
+        lowest = min(float(rest[1]), _NEAR_THE_FLOOR * armature.size)
+        level = steps or not sides[bone]
         yield _Line(
-            bone, armature.rest_tips[bone], anchor, tip, carried, limb, stands, turned, pair.partner
+            bone,
+            rest,
+            anchor,
+            tip,
+            carried[:, None] * lying,
+            limb,
+            steps,
+            lowest if placement.grounded else -math.inf,
+            armature.rest[1][bone] if level and _bends(armature, bone) else None,
+            pair.partner,
         )
 
 
@@ -170,6 +198,30 @@ def _bends(armature: Armature, bone: int) -> bool:
     parent = int(armature.parents[bone])
     above = int(armature.parents[parent]) if parent >= 0 else -1
     return above >= 0 and int(armature.parents[above]) >= 0
+
+
+def _pelvis(armature: Armature, pairs: Iterable[Pair]) -> tuple[int, ...]:
+    """What carries the legs that feet move: it goes with the root and does not bend to reach."""
+    legs = {pair.bone for pair in pairs if _limb(pair).is_leg}
+    hubs = [limb.hub for limb in anatomy(armature).limbs if legs.intersection(limb.bones)]
+    held: set[int] = set()
+    for hub in hubs:
+        bone = hub
+        while bone >= 0:
+            held.add(bone)
+            bone = int(armature.parents[bone])
+    return tuple(sorted(held))
+
+
+def _lying(armature: Armature) -> Floats:
+    """(3, 3) the turn from our upright body to the puppet's: what goes forward for us goes down for
+    a body that lies along the ground."""
+    axis = body_axis(armature, anatomy(armature))
+    if axis is None:
+        return np.eye(3)
+    angle = math.atan2(max(float(axis[2]), 0.0), float(axis[1]))
+    sine, cosine = math.sin(angle), math.cos(angle)
+    return np.array([[1.0, 0.0, 0.0], [0.0, cosine, -sine], [0.0, sine, cosine]])
 
 
 def _leg_scale(armature: Armature, pair: Pair) -> float:
@@ -195,10 +247,15 @@ def _chain(armature: Armature, bone: int) -> tuple[int, float]:
         first = parent
 
 
-def _root_of(armature: Armature, bone: int) -> int:
+def _body_start(armature: Armature, base: int) -> Floats:
+    """(3,) where the body begins that carries a limb: the first bone that has limbs on it."""
+    hubs = {limb.hub for limb in anatomy(armature).limbs if not limb.is_twig}
+    start = bone = base
     while armature.parents[bone] >= 0:
         bone = int(armature.parents[bone])
-    return bone
+        if bone in hubs or start == base:
+            start = bone
+    return np.asarray(armature.rest[0][start])
 
 
 def _human_length(limb: HumanLimb) -> float:

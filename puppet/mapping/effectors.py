@@ -9,9 +9,9 @@ would leave nothing over.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
-from itertools import combinations, islice
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import chain, combinations, count
 
 import numpy as np
 
@@ -53,11 +53,14 @@ def propose_effectors(
     verdicts = verdicts or Verdicts()
     rows = effectors_of(evidence, verdicts)
     choice = _choice(evidence, verdicts, rows)
-    found = [
-        _proposal(evidence, verdicts, rows, choice, assignment)
-        for _, assignment in islice(choice.ranked(best_first), k)
-    ]
-    return found or [_proposal(evidence, verdicts, rows, choice, ())]
+    found: dict[tuple[tuple[str, int], ...], Proposal] = {}
+    # What was decided is in every proposal, so two assignments may come to the same pairs.
+    for _, assignment in choice.ranked(best_first):
+        proposal = _proposal(evidence, verdicts, rows, choice, assignment)
+        found.setdefault(tuple((pair.name, pair.human) for pair in proposal.pairs), proposal)
+        if len(found) == k:
+            break
+    return list(found.values()) or [_proposal(evidence, verdicts, rows, choice, ())]
 
 
 def effectors_of(evidence: Evidence, verdicts: Verdicts) -> list[Effector]:
@@ -102,24 +105,36 @@ def _choice(evidence: Evidence, verdicts: Verdicts, rows: Sequence[Effector]) ->
         if effector.limbs:
             limbs = list(effector.limbs)
             parts[:, row] = evidence.parts[:, limbs].mean(axis=1)
-            allowed[row] = evidence.allowed[limbs].any(axis=0)
+            turning = [limb for limb in limbs if _turns(evidence, limb)]
+            allowed[row] = evidence.allowed[turning].any(axis=0)
     by_name = {effector.name: row for row, effector in enumerate(rows)}
     tips = {evidence.armature.names[b]: row for row, e in enumerate(rows) for b in e.bones}
     for (bone, human), act in verdicts.banned_in("ik").items():
         row = by_name.get(bone, tips.get(bone, -1))
         if act in BANS and row >= 0:
             allowed[row, _column(human)] = False
+    possible = allowed.copy()
     kept = {by_name[b]: verdict for b, verdict in verdicts.kept_in("ik").items() if b in by_name}
     for row, (human, act) in kept.items():
-        column = _column(human)
         allowed[row, :] = False
         if act != "set":
-            for other in range(len(rows)):
-                allowed[other, column] &= other in kept
-    for row, (human, _) in kept.items():
-        allowed[row, _column(human)] = True
+            allowed[:, _column(human)] = False
+    for row, (human, act) in kept.items():
+        # What is locked is no choice; what was set by hand still takes its control point from
+        # whatever is less like it.
+        if act == "set":
+            allowed[row, _column(human)] = True
     scores = np.clip(parts.sum(axis=0), 0.0, 1.0)
-    return LimbChoice(scores, parts, allowed, evidence)
+    return LimbChoice(scores, parts, allowed, possible, evidence)
+
+
+def _turns(evidence: Evidence, limb: int) -> bool:
+    """Whether anything in it turns under a goal, as a root never does."""
+    armature = evidence.armature
+    return any(
+        armature.movements[bone] == "turn" and armature.parents[bone] >= 0
+        for bone in evidence.limbs[limb].bones
+    )
 
 
 def _column(human: str) -> int:
@@ -154,20 +169,41 @@ def _proposal(
         "ik",
         tuple(pairs),
         tuple(effector.name for effector in sorted(left, key=lambda e: e.bones)),
-        sum_of_squares(choice.scores, assignment)[0],
-        _offers(evidence, rows, left, [row for row in chosen if not rows[row].is_master]),
+        sum_of_squares(choice.scores, tuple(chosen.items()))[0],
+        tuple(
+            offer
+            for offer in _offers(evidence, verdicts, rows, left, chosen, choice.possible)
+            if _left_over(evidence, verdicts, offer) < len(left)
+        ),
     )
 
 
-def _offers(
-    evidence: Evidence, rows: Sequence[Effector], left: Sequence[Effector], mapped: Sequence[int]
-) -> tuple[OfferedMaster, ...]:
-    """Masters that would leave nothing over.
+def _left_over(evidence: Evidence, verdicts: Verdicts, offer: OfferedMaster) -> int:
+    """How many effectors would have no partner if the offer were accepted."""
+    accepted = replace(verdicts, masters={**verdicts.masters, offer.name: offer.effectors})
+    rows = effectors_of(evidence, accepted)
+    choice = _choice(evidence, accepted, rows)
+    mapped = {row for row, _ in best_first(choice.scores, choice.allowed)}
+    kept = verdicts.kept_in("ik")
+    return sum(row not in mapped and rows[row].name not in kept for row in range(len(rows)))
 
-    What is left over joins the mapped effector that is most like it; what is like none of them
-    gets the control point that the two most alike mapped effectors free by sharing one.
+
+def _offers(
+    evidence: Evidence,
+    verdicts: Verdicts,
+    rows: Sequence[Effector],
+    left: Sequence[Effector],
+    chosen: Mapping[int, int],
+    possible: np.ndarray,
+) -> tuple[OfferedMaster, ...]:
+    """Masters that would leave less over.
+
+    What is left over joins the mapped effector that is most like it, on its own side if there is
+    one; what is like none of them gets the control point that the two most alike mapped effectors
+    free by sharing one, if it could be moved by either.
     """
-    names = evidence.armature.names
+    taken = {*evidence.armature.names, *verdicts.masters}
+    mapped = [row for row in chosen if not rows[row].is_master]
     groups: dict[int, list[str]] = {}
     alone: list[str] = []
     for effector in left:
@@ -175,39 +211,43 @@ def _offers(
             continue
         alike = [row for row in mapped if _alike(evidence, rows[row], effector)]
         if alike:
-            groups.setdefault(alike[0], []).append(effector.name)
+            side = evidence.limbs[effector.limbs[0]].side
+            nearest = min(alike, key=lambda row: evidence.limbs[rows[row].limbs[0]].side != side)
+            groups.setdefault(nearest, []).append(effector.name)
         else:
             alone.append(effector.name)
     offers = []
     for row, joined in sorted(groups.items()):
         effectors = (rows[row].name, *sorted(joined))
+        sides = {evidence.shape.sides[evidence.armature.index(name)] for name in effectors}
+        name = _fresh_name(effectors, sides.pop() if len(sides) == 1 else "", taken)
+        taken.add(name)
         offers.append(
             OfferedMaster(
-                _fresh_name(effectors, names),
+                name,
                 effectors,
                 f"{', '.join(sorted(joined))}: built like {rows[row].name}, could move with it",
             )
         )
-    if alone:
-        twins = next(
-            (
-                (rows[a].name, rows[b].name)
-                for a, b in combinations(sorted(mapped, key=lambda row: rows[row].name), 2)
-                if _alike(evidence, rows[a], rows[b])
-                and _mirrored(evidence, rows[a], rows[b])
-                and not _stands(evidence, rows[a])
-            ),
-            None,
-        )
-        if twins is not None:
+    by_name = {effector.name: row for row, effector in enumerate(rows)}
+    for a, b in combinations(sorted(mapped, key=lambda row: rows[row].name), 2):
+        helped = [name for name in alone if possible[by_name[name], [chosen[a], chosen[b]]].all()]
+        if (
+            helped
+            and _alike(evidence, rows[a], rows[b])
+            and _mirrored(evidence, rows[a], rows[b])
+            and not _stands(evidence, rows[a])
+        ):
+            twins = (rows[a].name, rows[b].name)
             offers.append(
                 OfferedMaster(
-                    _fresh_name(twins, names),
+                    _fresh_name(twins, "", taken),
                     twins,
                     f"if {twins[0]} and {twins[1]} share a control point, "
-                    f"one is free for {', '.join(alone)}",
+                    f"one is free for {', '.join(helped)}",
                 )
             )
+            break
     return tuple(offers)
 
 
@@ -232,12 +272,15 @@ def _stands(evidence: Evidence, effector: Effector) -> bool:
     return bool(legs >= max(scores[i] for i, limb in enumerate(HUMAN_LIMBS) if limb.is_arm))
 
 
-def _fresh_name(effectors: Sequence[str], taken: Sequence[str]) -> str:
-    """What the names have in common, or the first of them; "master" in front where it is taken."""
+def _fresh_name(effectors: Sequence[str], side: str, taken: Collection[str]) -> str:
+    """What the names have in common, or the first of them, with their side; and what makes it one
+    that nothing else has."""
     first, last = min(effectors), max(effectors)
     length = next(
         (i for i, (a, b) in enumerate(zip(first, last, strict=False)) if a != b),
         min(len(first), len(last)),
     )
-    name = first[:length].strip("._- 0123456789") or first
-    return name if name not in taken else f"master_{name}"
+    stem = first[:length].strip("._- 0123456789") or first
+    name = f"{stem}.{side}" if side and not stem.endswith(f".{side}") else stem
+    tries = chain((name, f"master_{name}"), (f"master_{name}_{i}" for i in count(2)))
+    return next(name for name in tries if name not in taken)

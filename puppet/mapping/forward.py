@@ -27,7 +27,7 @@ from puppet.kernel import Floats
 from puppet.mapping.alignment import aligned, overlap
 from puppet.mapping.decisions import Act, Verdicts
 from puppet.mapping.evidence import Evidence, gather
-from puppet.mapping.human import HUMAN, HUMAN_LIMBS, LIMB_NAMES, SPINE
+from puppet.mapping.human import HUMAN, HUMAN_LIMBS, LIMB_NAMES, SPINE, WHOLE_LIMBS
 from puppet.mapping.limb_choice import LimbChoice, choices
 from puppet.mapping.pair_reasons import Reasoning
 from puppet.mapping.proposal import Proposal
@@ -81,12 +81,12 @@ class _Builder:
         self.kept: dict[int, tuple[int, Act]] = {
             index(bone): (HUMAN_BONE_NAMES.index(human), act)
             for bone, (human, act) in self.verdicts.kept_in("fk").items()
-            if human not in LIMB_NAMES
+            if human not in WHOLE_LIMBS
         }
         self.banned: dict[tuple[int, int], Act] = {
             (index(bone), HUMAN_BONE_NAMES.index(human)): act
             for (bone, human), act in self.verdicts.banned_in("fk").items()
-            if human not in LIMB_NAMES
+            if human not in WHOLE_LIMBS
         }
         left_out = self.evidence.preferences.leave_out
         self.left_out = {
@@ -103,7 +103,13 @@ class _Builder:
         self._keep_what_was_kept()
         armature = self.armature
         pairs = tuple(
-            why.pair(armature.names[bone], (bone,), human, self.kept.get(bone, (-1, ""))[1])
+            why.pair(
+                armature.names[bone],
+                (bone,),
+                human,
+                self.kept.get(bone, (-1, ""))[1],
+                self.left_out | {other for its, other in self.banned if its == bone},
+            )
             for bone, (human, why) in sorted(self.chosen.items())
         )
         unmapped = tuple(

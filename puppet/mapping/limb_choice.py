@@ -14,7 +14,7 @@ import numpy as np
 from puppet.kernel import Floats
 from puppet.mapping.decisions import BANS, KEEPS, Verdicts
 from puppet.mapping.evidence import PARTS, Evidence
-from puppet.mapping.human import HUMAN_LIMBS, LIMB_NAMES
+from puppet.mapping.human import HUMAN_LIMBS, LIMB_NAMES, WHOLE_LIMBS
 from puppet.mapping.pair_reasons import Reasoning
 from puppet.mapping.proposal import Mode, RunnerUp
 from puppet.mapping.ranking import Assignment, Merit, Solver, hungarian, ranked, sum_of_squares
@@ -25,12 +25,13 @@ from puppet.skeleton import HUMAN_BONE_NAMES
 class LimbChoice:
     """scores: (R, 5), 0..1. parts: (6, R, 5), their sums. allowed: (R, 5) after the decisions.
 
-    bones: for each row the bones that belong to it. evidence: what it was made from.
+    possible: (R, 5) what could be if nothing were kept. evidence: what it was made from.
     """
 
     scores: Floats
     parts: Floats
     allowed: np.ndarray
+    possible: np.ndarray
     evidence: Evidence
 
     def ranked(self, solve: Solver) -> Iterator[tuple[Merit, Assignment]]:
@@ -43,7 +44,7 @@ class LimbChoice:
             (
                 RunnerUp(HUMAN_LIMBS[other].tip, float(self.scores[row, other]))
                 for other in range(len(HUMAN_LIMBS))
-                if other != column and self.evidence_allows(row, other)
+                if other != column and self.possible[row, other]
             ),
             key=lambda runner: -runner.score,
         )
@@ -52,15 +53,13 @@ class LimbChoice:
             float(self.scores[row, column]), self._margin(row, column), parts, tuple(others)
         )
 
-    def evidence_allows(self, row: int, column: int) -> bool:
-        """Whether the pair is possible at all."""
-        return bool(self.allowed[row, column]) or bool(self.scores[row, column] > 0.05)
-
     def spine_reasoning(self, bone: int, human: int) -> Reasoning:
         """Why this bone goes with this human bone, for bones that belong to no limb."""
         scores = self.evidence.bone_scores[bone]
         best = np.argsort(-scores, kind="stable")[:4]
-        others = tuple(RunnerUp(int(h), float(scores[h])) for h in best if h != human)
+        others = tuple(
+            RunnerUp(int(h), float(scores[h])) for h in best if h != human and scores[h] > 0.0
+        )
         second = max((other.score for other in others), default=0.0)
         parts = {part: float(self.evidence.bones[i, bone, human]) for i, part in enumerate(PARTS)}
         return Reasoning(float(scores[human]), float(scores[human]) - second, parts, others[:3])
@@ -85,8 +84,10 @@ def choices(evidence: Evidence, verdicts: Verdicts, mode: Mode) -> LimbChoice:
         for bone in limb.bones
     }
     for (bone, human), act in verdicts.banned_in(mode).items():
-        if act in BANS and bone in rows and human in LIMB_NAMES:
+        if act in BANS and bone in rows and human in WHOLE_LIMBS:
             allowed[rows[bone], LIMB_NAMES.index(human)] = False
+    _close_what_cannot_be_paired(evidence, verdicts, allowed, mode)
+    possible = allowed.copy()
     for bone, (human, act) in verdicts.kept_in(mode).items():
         column = limb_of(human)
         if act not in KEEPS or bone not in rows or column is None:
@@ -97,8 +98,7 @@ def choices(evidence: Evidence, verdicts: Verdicts, mode: Mode) -> LimbChoice:
         if act != "set":
             allowed[:, column] = False
         allowed[row, column] = True
-    _close_what_cannot_be_paired(evidence, verdicts, allowed, mode)
-    return LimbChoice(evidence.scores, evidence.parts, allowed, evidence)
+    return LimbChoice(evidence.scores, evidence.parts, allowed, possible, evidence)
 
 
 def limb_of(human: str) -> int | None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass
 
 from puppet.mapping.confidence import confidence
@@ -21,8 +22,18 @@ class Reasoning:
     parts: dict[str, float]
     runners_up: tuple[RunnerUp, ...]
 
-    def pair(self, name: str, bones: tuple[int, ...], human: int, decided: str) -> Pair:
-        """A pair with this reasoning; what the operator decided is certain."""
+    def pair(
+        self,
+        name: str,
+        bones: tuple[int, ...],
+        human: int,
+        decided: str,
+        never: Collection[int] = (),
+    ) -> Pair:
+        """A pair with this reasoning; what the operator decided is certain.
+
+        never: what cannot be a runner-up.
+        """
         sure = 1.0 if decided else confidence(self.score, self.margin)
         return Pair(
             name,
@@ -32,6 +43,6 @@ class Reasoning:
             sure,
             self.margin,
             self.parts,
-            tuple(other for other in self.runners_up if other.human != human),
+            tuple(other for other in self.runners_up if other.human not in (human, *never)),
             decided,
         )

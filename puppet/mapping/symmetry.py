@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import lru_cache
-from typing import Final
+from typing import Final, Literal
 
 import numpy as np
 
@@ -31,6 +31,29 @@ def sides_of(armature: Armature) -> tuple[Side, ...]:
     if any(armature.sides):
         return armature.sides
     return _by_shape(armature)
+
+
+def facing(armature: Armature) -> Literal["+x", "-x", "+z", "-z"]:
+    """Where a character looks, along the nearest axis; +z where nothing says.
+
+    Its left and right say it, and up is +Y: by the names of its bones whichever way it looks; by
+    its shape only where left and right lie along z.
+    """
+    sides = sides_of(armature)
+    ends = {
+        side: [p for p, its in zip(armature.rest[0], sides, strict=True) if its == side]
+        for side in ("L", "R")
+    }
+    if not (ends["L"] and ends["R"]):
+        return "+z"
+    left = np.mean(ends["L"], axis=0) - np.mean(ends["R"], axis=0)
+    length = float(np.linalg.norm(left))
+    forward = np.cross(left, _UP) / max(length, 1e-12)
+    if abs(float(forward[2])) >= _SQUARE:
+        return "+z" if forward[2] > 0.0 else "-z"
+    if abs(float(forward[0])) >= _SQUARE:
+        return "+x" if forward[0] > 0.0 else "-x"
+    return "+z"
 
 
 def _by_shape(armature: Armature) -> tuple[Side, ...]:
