@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from puppet.armature import Armature, Side
-from puppet.formats.armature_toml import load_puppet
-from puppet.mapping.symmetry import sides_of
+from puppet.formats.model import load_model
+from puppet.mapping.symmetry import facing, sides_of
 from tests.armatures import armature_of, armatures
 from tests.rig_changes import (
     bare,
@@ -96,17 +96,33 @@ def test_in_a_mirror_left_is_right(name: str) -> None:
 
 
 def test_a_person_who_faces_along_x_has_the_left_at_minus_z(shared: Path) -> None:
-    folder = shared / "armatures"
-    armature = load_puppet(folder / "cesium_man_embedded.gltf").model.armature
-    if any(armature.sides):
-        pytest.skip("its bones have sides in their names after all")
+    armature = load_model(shared / "armatures" / "cesium_man_embedded.gltf").armature
+    assert not any(armature.sides)
+    assert facing(armature) == "+x"
     found = sides_of(armature)
-    tips = armature.rest_tips
     left = [bone for bone, side in enumerate(found) if side == "L"]
     right = [bone for bone, side in enumerate(found) if side == "R"]
-    assert len(left) == len(right) >= 6
-    assert (tips[left, 2] < 0.0).all()
-    assert (tips[right, 2] > 0.0).all()
+    assert len(left) == len(right) == 7  # a leg of four bones, an arm of three
+    assert (armature.rest_tips[left, 2] < 0.0).all()
+    assert (armature.rest_tips[right, 2] > 0.0).all()
+
+
+REAL = sorted((Path(__file__).parents[2] / "shared" / "armatures").glob("*.glb"))
+
+
+@pytest.mark.skipif(not REAL, reason="the shared rigs are not here")
+@pytest.mark.parametrize("path", REAL, ids=lambda path: path.stem)
+def test_the_shape_of_a_real_rig_says_what_its_names_say(path: Path) -> None:
+    armature = load_model(path).armature
+    assert sides_of(nameless(armature)) == armature.sides
+
+
+@pytest.mark.parametrize(("name", "yaw"), [("dog", 0.0), ("seagull", 0.3), ("ostrich", -0.3)])
+def test_where_a_character_looks_is_read_off_its_sides(name: str, yaw: float) -> None:
+    armature = shipped(name).armature
+    for turns, looks in enumerate(("+z", "+x", "-z", "-x")):
+        turned = placed(armature, 1.0, Rotation.from_euler("y", yaw + turns * np.pi / 2))
+        assert facing(turned) == looks
 
 
 @st.composite

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import lru_cache
+from itertools import combinations
 from typing import Final, Literal
 
 import numpy as np
@@ -81,25 +82,48 @@ def _mirrored(armature: Armature) -> list[tuple[int, int]]:
     families: dict[int, list[int]] = {}
     for bone, parent in enumerate(armature.parents):
         families.setdefault(int(parent), []).append(bone)
-    pairs = []
+    pairs: list[tuple[int, int]] = []
     for family in families.values():
-        if not 2 <= len(family) <= _MANY:
-            continue
-        signatures = {bone: _signature(armature, bone) for bone in family}
-        taken: set[int] = set()
-        for place, bone in enumerate(family):
-            alike = [
-                other
-                for other in family[place + 1 :]
-                if other not in taken and _same_build(signatures[bone], signatures[other])
-            ]
-            if bone in taken or not alike:
-                continue
-            # Fore and hind legs of one hub may all be alike: the nearest in height and depth is
-            # the one across.
-            partner = min(alike, key=lambda other: _crookedness(armature, bone, other))
-            taken.update((bone, partner))
-            pairs.append((bone, partner))
+        if 2 <= len(family) <= _MANY:
+            for alike in _alike(armature, family):
+                pairs += _across(armature, alike) if len(alike) % 2 == 0 else ()
+    # In an order that does not depend on that of the bones.
+    return sorted(pairs, key=lambda pair: [armature.names[bone] for bone in pair])
+
+
+def _alike(armature: Armature, family: Sequence[int]) -> list[list[int]]:
+    """Siblings by their build."""
+    signatures = {bone: _signature(armature, bone) for bone in family}
+    groups: list[list[int]] = []
+    for bone in family:
+        joined = [
+            group
+            for group in groups
+            if any(_same_build(signatures[bone], signatures[other]) for other in group)
+        ]
+        groups = [group for group in groups if group not in joined]
+        groups.append([bone, *(other for group in joined for other in group)])
+    return groups
+
+
+def _across(armature: Armature, alike: Sequence[int]) -> list[tuple[int, int]]:
+    """Who of those of the same build is across from whom.
+
+    Fore and hind legs of one hub may all be alike: the nearest in height and depth is the one
+    across, and of those as near the one to the side, for most characters face +Z.
+    """
+
+    def strain(pair: tuple[int, int]) -> tuple[object, ...]:
+        apart = _middle(armature, pair[0]) - _middle(armature, pair[1])
+        aside = abs(float(apart[0])) / max(float(np.linalg.norm(apart)), 1e-12)
+        names = [armature.names[bone] for bone in pair]
+        return round(_crookedness(armature, *pair), 3), -round(aside, 3), names
+
+    by_name = sorted(alike, key=lambda bone: armature.names[bone])
+    pairs: list[tuple[int, int]] = []
+    for pair in sorted(combinations(by_name, 2), key=strain):
+        if not any(bone in taken for taken in pairs for bone in pair):
+            pairs.append(pair)
     return pairs
 
 
