@@ -147,7 +147,7 @@ class Verdicts:
                     found=f"{', '.join(sorted(shared))} of {name}",
                     hint=f"ungroup {name} first",
                 )
-        masters[decision.bone] = tuple(decision.effectors)
+        masters[decision.bone] = tuple(dict.fromkeys(decision.effectors))
         # From now on the master is what is decided about.
         held = {("ik", effector) for effector in decision.effectors}
         kept = {key: value for key, value in self.kept.items() if key not in held}
@@ -228,23 +228,23 @@ def check_together(decisions: Iterable[Decision]) -> None:
     One after the other, a later one would replace an earlier one; given at once, nobody can say
     which was meant.
     """
-    kept: dict[str, str] = {}
-    banned: set[tuple[str, str]] = set()
+    kept: dict[tuple[Mode, str], str] = {}
+    banned: set[tuple[Mode, str, str]] = set()
     for decision in decisions:
-        pair = (decision.bone, decision.human)
+        bone = (decision.mode, decision.bone)
         if decision.act in KEEPS:
-            if kept.get(decision.bone, decision.human) != decision.human:
+            if kept.get(bone, decision.human) != decision.human:
                 raise BadDecisionError(
                     "a bone cannot be locked to two things at once",
                     where=decision.bone,
-                    found=f"{kept[decision.bone]} and {decision.human}",
+                    found=f"{kept[bone]} and {decision.human}",
                 )
-            kept[decision.bone] = decision.human
+            kept[bone] = decision.human
         elif decision.act in BANS:
-            banned.add(pair)
-    for bone, human in kept.items():
-        if (bone, human) in banned:
-            raise BadDecisionError("a pair cannot be locked and forbidden", where=f"{bone}={human}")
+            banned.add((*bone, decision.human))
+    for (mode, name), human in kept.items():
+        if (mode, name, human) in banned:
+            raise BadDecisionError("a pair cannot be locked and forbidden", where=f"{name}={human}")
 
 
 #: What was decided in one go, and is undone in one go.
