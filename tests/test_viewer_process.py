@@ -57,7 +57,9 @@ class PlayedStage:
         puppets = load_cast(load_show(show_path), show_path)
         self.cast = CastMessage(
             revision=revision,
-            members=tuple(CastMember(p.name, str(p.path), p.scale, ()) for p in puppets),
+            members=tuple(
+                CastMember(p.name, str(p.path), p.scale, p.proposal.mode, ()) for p in puppets
+            ),
         )
         line = Line(puppets)
         for frame, _ in zip(Rehearsal(), range(40), strict=False):
