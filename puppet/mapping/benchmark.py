@@ -8,7 +8,7 @@ docs/mapping-benchmark.md describes it, for other programs too.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final, Literal
@@ -133,7 +133,7 @@ def run(cases: Iterable[Case], dresses: Sequence[Dress] = DRESSES) -> Iterator[R
                     mode,
                     dress,
                     tuple(judge(proposal, renamed)),
-                    tuple(judge(_BASELINES[mode](rig.armature), renamed)),
+                    tuple(judge(_plain(rig.armature, mode, renamed.masters), renamed)),
                     seconds,
                 )
 
@@ -188,29 +188,29 @@ def calibration(results: Iterable[Result]) -> list[Band]:
     return bands
 
 
-def _plain_forward(armature: Armature) -> Proposal:
-    """The baseline: the Hungarian algorithm on the paper's matrix of bones, and nothing else."""
-    scores = combined_block(armature, HUMAN)
-    pairs = hungarian(np.maximum(scores, 0.0), scores > NEVER)
-    return Proposal(armature, "fk", tuple(_pair(armature, *pair) for pair in pairs))
+def _plain(armature: Armature, mode: Mode, masters: Mapping[str, tuple[str, ...]]) -> Proposal:
+    """The baseline: the paper's matrix, and nothing else.
 
-
-def _plain_effectors(armature: Armature) -> Proposal:
-    """The baseline: leaves to control points, best node-edge similarity first."""
-    leaves = [bone for bone, children in enumerate(armature.children) if not children]
-    tips = [limb.tip for limb in HUMAN_LIMBS]
-    scores = similarity_block(armature, HUMAN)[np.ix_(leaves, tips)]
-    pairs = best_first(scores, np.ones(scores.shape, bool))
+    FK: the Hungarian algorithm over single bones. IK: leaves and masters to control points, the
+    best node-edge similarity first.
+    """
+    found: list[tuple[str, tuple[int, ...], int]]
+    if mode == "fk":
+        scores = combined_block(armature, HUMAN)
+        pairs = hungarian(np.maximum(scores, 0.0), scores > NEVER)
+        found = [(armature.names[bone], (bone,), human) for bone, human in pairs]
+    else:
+        rows = {name: tuple(map(armature.index, bones)) for name, bones in masters.items()}
+        held = {bone for bones in rows.values() for bone in bones}
+        for bone, children in enumerate(armature.children):
+            if not children and bone not in held:
+                rows[armature.names[bone]] = (bone,)
+        tips = [limb.tip for limb in HUMAN_LIMBS]
+        alike = similarity_block(armature, HUMAN)[:, tips]
+        scores = np.array([alike[list(bones)].mean(axis=0) for bones in rows.values()])
+        names = list(rows)
+        pairs = best_first(scores, np.ones(scores.shape, bool))
+        found = [(names[row], rows[names[row]], tips[column]) for row, column in pairs]
     return Proposal(
-        armature, "ik", tuple(_pair(armature, leaves[row], tips[column]) for row, column in pairs)
+        armature, mode, tuple(Pair(name, bones, human, 0.0) for name, bones, human in found)
     )
-
-
-def _pair(armature: Armature, bone: int, human: int) -> Pair:
-    return Pair(armature.names[bone], (bone,), human, 0.0)
-
-
-_BASELINES: Final[dict[Mode, Callable[[Armature], Proposal]]] = {
-    "fk": _plain_forward,
-    "ik": _plain_effectors,
-}
