@@ -60,17 +60,13 @@ def test_somebody_who_just_stands_there_leaves_the_puppets_at_rest(
         assert np.degrees(away).max() < 4.0
 
 
-def test_raised_hands_lift_the_shade_of_the_lamp(
-    cast: Cast, rehearsed: list[Tick]
-) -> None:
+def test_raised_hands_lift_the_shade_of_the_lamp(cast: Cast, rehearsed: list[Tick]) -> None:
     at_rest = tips(cast, rehearsed[45], "lamp", "shade")[1]
     arms_up = max(tips(cast, tick, "lamp", "shade")[1] for tick in rehearsed[section("up")])
     assert arms_up > at_rest + 0.3
 
 
-def test_raised_arms_open_the_fins_on_both_sides(
-    cast: Cast, rehearsed: list[Tick]
-) -> None:
+def test_raised_arms_open_the_fins_on_both_sides(cast: Cast, rehearsed: list[Tick]) -> None:
     for fin in ("fin_tip.L", "fin_tip.R"):
         rest = tips(cast, rehearsed[45], "fish", fin)
         opened = max(rehearsed[section("up")], key=lambda t: tips(cast, t, "fish", fin)[1])
@@ -80,9 +76,7 @@ def test_raised_arms_open_the_fins_on_both_sides(
     assert left > tips(cast, rehearsed[45], "fish", "fin_tip.R")[0]
 
 
-def test_a_bow_makes_the_fish_look_down(
-    cast: Cast, rehearsed: list[Tick]
-) -> None:
+def test_a_bow_makes_the_fish_look_down(cast: Cast, rehearsed: list[Tick]) -> None:
     rest = tips(cast, rehearsed[45], "fish", "head")[1]
     lowest = min(tips(cast, tick, "fish", "head")[1] for tick in rehearsed[section("bow")])
     assert lowest < rest - 0.08
@@ -146,9 +140,7 @@ def test_no_bone_ever_pops(cast: Cast, path: Path) -> None:
 
 
 @pytest.mark.parametrize("speed", [0.25, 1.0, 8.0])
-def test_a_take_gives_the_same_poses_bit_for_bit_at_any_speed(
-    cast: Cast, speed: float
-) -> None:
+def test_a_take_gives_the_same_poses_bit_for_bit_at_any_speed(cast: Cast, speed: float) -> None:
     take = read_take(STREAMS[0])
 
     def poses(frames: list[SkeletonFrame]) -> list[bytes]:
