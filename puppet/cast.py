@@ -75,7 +75,7 @@ def load_cast(show: Show, show_path: Path) -> Cast:
                 "nothing of this armature could be mapped",
                 where=path,
                 found=f"bones {', '.join(puppet.model.armature.names[:20])}",
-                hint=_what_to_do(proposal),
+                hint=_what_to_do(proposal, service.history(name).holds),
             )
         puppets.append(_staged(config, path, puppet, proposal))
     return Cast(tuple(puppets), service)
@@ -89,7 +89,9 @@ def rig_of(puppet: Puppet) -> Rig:
     )
 
 
-def _what_to_do(proposal: Proposal) -> str:
+def _what_to_do(proposal: Proposal, decided: int) -> str:
+    if decided:
+        return "decisions stand in the way: look into the mapping file, or move it away"
     if proposal.mode == "ik":
         return 'IK needs a chain of two bones or more: try mode = "fk"'
     return "bones that slide or are fixed cannot be driven; see the .toml beside the model"

@@ -295,6 +295,12 @@ def decide(
     ] = None,
     undo: Annotated[bool, typer.Option("--undo", help="Take the last step back.")] = False,
     redo: Annotated[bool, typer.Option("--redo", help="Bring it back.")] = False,
+    explain: Annotated[
+        bool, typer.Option("--explain", help="Also say why, and what else there was.")
+    ] = False,
+    reload: Annotated[
+        bool, typer.Option("--reload", help="Read the mapping file anew, as somebody edited it.")
+    ] = False,
     port: Port = None,
 ) -> None:
     """Correct the mapping of a show that is running; without options, show it.
@@ -320,6 +326,8 @@ def decide(
         ungroup=ungroup or (),
         undo=undo,
         redo=redo,
+        explain=explain,
+        reload=reload,
     )
 
 

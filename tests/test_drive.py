@@ -13,8 +13,9 @@ from scipy.spatial.transform import Rotation
 
 from puppet.armature import Armature
 from puppet.kernel import Floats
-from puppet.mapping.drive import ForwardDrive, Placement
+from puppet.mapping.drive import ForwardDrive
 from puppet.mapping.forward import propose_forward
+from puppet.mapping.placement import Placement
 from puppet.mapping.proposal import Pair
 from puppet.mapping.stance import stance_of, upright
 from puppet.pose import forward_kinematics

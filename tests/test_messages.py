@@ -76,7 +76,11 @@ def test_another_version_is_refused_by_its_number_even_with_another_layout() -> 
         Decoder(SkeletonMessage)(encode(same_layout))
 
 
-@pytest.mark.parametrize("data", [b"", b"\xff\x00", b"hello", msgspec.msgpack.encode([1, 2])])
+@pytest.mark.parametrize(
+    "data",
+    [b"", b"\xff\x00", b"hello", msgspec.msgpack.encode([1, 2]), b"\x91" * 5000],
+    ids=["empty", "garbage", "text", "list", "nested without end"],
+)
 def test_bytes_that_are_no_message_are_refused(data: bytes) -> None:
     with pytest.raises(BadMessageError, match="cannot be understood"):
         Decoder(SkeletonMessage)(data)

@@ -20,7 +20,7 @@ from puppet.mapping.ranking import (
     best_first,
     hungarian,
     ranked,
-    sum_of_squares,
+    sum_of_powers,
 )
 
 SOLVERS: tuple[Solver, ...] = (hungarian, best_first)
@@ -156,7 +156,7 @@ def test_the_hungarian_is_not_greedy() -> None:
     allowed = np.ones((2, 2), bool)
     assert hungarian(scores, allowed) == ((0, 1), (1, 0))
     assert best_first(scores, allowed) == ((0, 0), (1, 1))
-    assert sum_of_squares(scores, ((0, 1), (1, 0))) > sum_of_squares(scores, ((0, 0), (1, 1)))
+    assert sum_of_powers(scores, ((0, 1), (1, 0))) > sum_of_powers(scores, ((0, 0), (1, 1)))
 
 
 @pytest.mark.parametrize("solve", SOLVERS)

@@ -6,6 +6,7 @@ import getpass
 import json
 import sys
 from collections.abc import Iterable, Sequence
+from itertools import islice
 from pathlib import Path
 from typing import Any, get_args
 
@@ -18,7 +19,7 @@ from puppet.formats.armature_toml import load_puppet
 from puppet.mapping.blocks import BLOCKS
 from puppet.mapping.decisions import Act, Decision
 from puppet.mapping.human import HUMAN
-from puppet.mapping.proposal import Mode, Pair, Proposal
+from puppet.mapping.proposal import Mode, Proposal
 from puppet.mapping.service import MOST_PROPOSALS, MappingService
 from puppet.net.bus import Bus
 from puppet.net.mapping_client import MappingClient
@@ -127,7 +128,8 @@ def _print_proposal(
             pair.decided or pair.certainty,
         ]
         if explain:
-            row += [_because(pair), _or(pair)]
+            others = ((HUMAN_BONE_NAMES[o.human], o.score) for o in pair.runners_up)
+            row += [_because(pair.reasons), _or(others)]
         table.add_row(*row, style=_STYLES[pair.certainty])
     follows = dict(proposal.follows)
     for name in proposal.unmapped:
@@ -143,14 +145,13 @@ def _print_proposal(
         )
 
 
-def _because(pair: Pair) -> str:
-    parts = sorted(pair.reasons.items(), key=lambda item: -abs(item[1]))
+def _because(reasons: dict[str, float]) -> str:
+    parts = sorted(reasons.items(), key=lambda item: -abs(item[1]))
     return ", ".join(f"{part} {value:+.2f}" for part, value in parts if abs(value) >= 0.005)
 
 
-def _or(pair: Pair) -> str:
-    names = (f"{HUMAN_BONE_NAMES[other.human]} {other.score:.2f}" for other in pair.runners_up[:2])
-    return ", ".join(names)
+def _or(others: Iterable[tuple[str, float]]) -> str:
+    return ", ".join(f"{name} {score:.2f}" for name, score in islice(others, 2))
 
 
 def _print_matrix(armature: Any, name: str, *, as_json: bool) -> None:
@@ -191,14 +192,16 @@ def decide_live(
     ungroup: Sequence[str],
     undo: bool,
     redo: bool,
+    explain: bool,
+    reload: bool,
 ) -> None:
     """Correct the mapping of a running show, and print what drives the puppet then."""
     changes = bool(mode or clear or group or ungroup or any(texts for _, texts in pairs))
-    if changes + undo + redo > 1:
+    if changes + undo + redo + reload > 1:
         raise BadDecisionError(
             "only one of these can be done at a time",
-            where="--undo, --redo",
-            hint="give --undo or --redo alone, and what is to be decided in another call",
+            where="--undo, --redo, --reload",
+            hint="give one of them alone, and what is to be decided in another call",
         )
     if puppet is None and (changes or undo or redo):
         raise BadDecisionError(
@@ -211,6 +214,9 @@ def decide_live(
     endpoint = show.bus.endpoint if port is None else f"tcp/127.0.0.1:{port}"
     with Bus.join(endpoint, show.key, wait=3.0) as bus:
         client = MappingClient(bus)
+        if reload:
+            for warning in client.load():
+                _err.print(warning, style="yellow", markup=False, highlight=False)
         cards = client.puppets()
         if puppet is None:
             _print_cards(cards)
@@ -236,7 +242,7 @@ def decide_live(
             answer = client.redo(puppet)
         elif step:
             answer = client.decide(puppet, step, _who())
-        _print_answer(answer)
+        _print_answer(answer, explain=explain)
         _print_history(client.history(puppet))
 
 
@@ -275,14 +281,18 @@ def _print_cards(cards: Iterable[dict[str, Any]]) -> None:
             _err.print(warning, style="yellow", markup=False, highlight=False)
 
 
-def _print_answer(answer: dict[str, Any]) -> None:
+def _print_answer(answer: dict[str, Any], *, explain: bool) -> None:
     bone, human = ("bone", "human") if answer["mode"] == "fk" else ("effector", "control_point")
     table = Table()
-    for column in (bone.replace("_", " "), human.replace("_", " "), ""):
+    columns = [bone.replace("_", " "), human.replace("_", " "), ""]
+    for column in [*columns, *(("because", "or") if explain else ())]:
         table.add_column(column)
     for pair in answer["pairs"]:
-        word = pair.get("decided") or pair["certainty"]
-        table.add_row(pair[bone], pair[human], word, style=_STYLES[pair["certainty"]])
+        row = [pair[bone], pair[human], pair.get("decided") or pair["certainty"]]
+        if explain:
+            others = ((other[human], other["score"]) for other in pair["runners_up"])
+            row += [_because(pair["reasons"]), _or(others)]
+        table.add_row(*row, style=_STYLES[pair["certainty"]])
     Console().print(table)
 
 

@@ -160,7 +160,9 @@ class Verdicts:
         partners = (*partners_of(decision.mode), *LIMB_NAMES)
         if decision.human not in partners and not (decision.act == "clear" and not decision.human):
             what = "human bone" if decision.mode == "fk" else "control point"
-            raise _wrong(f"there is no such {what}", decision.human, partners)
+            raise _wrong(
+                f"there is no such {what} or limb", decision.human, dict.fromkeys(partners)
+            )
         movement = (
             armature.movements[armature.index(decision.bone)]
             if decision.bone in armature.names

@@ -21,7 +21,7 @@ from puppet.mapping.evidence import Evidence, gather
 from puppet.mapping.human import CONTROL_POINTS, HUMAN_LIMBS, LIMB_NAMES
 from puppet.mapping.limb_choice import LimbChoice
 from puppet.mapping.proposal import OfferedMaster, Pair, Proposal
-from puppet.mapping.ranking import Assignment, best_first, sum_of_squares
+from puppet.mapping.ranking import Assignment, best_first, sum_of_powers
 
 
 @dataclass(frozen=True, slots=True)
@@ -169,7 +169,7 @@ def _proposal(
         "ik",
         tuple(pairs),
         tuple(effector.name for effector in sorted(left, key=lambda e: e.bones)),
-        sum_of_squares(choice.scores, tuple(chosen.items()))[0],
+        sum_of_powers(choice.scores, tuple(chosen.items()))[0],
         tuple(
             offer
             for offer in _offers(evidence, verdicts, rows, left, chosen, choice.possible)

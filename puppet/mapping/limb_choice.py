@@ -13,11 +13,11 @@ import numpy as np
 
 from puppet.kernel import Floats
 from puppet.mapping.decisions import BANS, KEEPS, Verdicts
-from puppet.mapping.evidence import PARTS, Evidence
+from puppet.mapping.evidence import PARTS, TOPOLOGY, Evidence
 from puppet.mapping.human import HUMAN_LIMBS, LIMB_NAMES, WHOLE_LIMBS
 from puppet.mapping.pair_reasons import Reasoning
 from puppet.mapping.proposal import Mode, RunnerUp
-from puppet.mapping.ranking import Assignment, Merit, Solver, hungarian, ranked, sum_of_squares
+from puppet.mapping.ranking import Assignment, Merit, Solver, hungarian, ranked, sum_of_powers
 from puppet.skeleton import HUMAN_BONE_NAMES
 
 
@@ -55,14 +55,19 @@ class LimbChoice:
 
     def spine_reasoning(self, bone: int, human: int) -> Reasoning:
         """Why this bone goes with this human bone, for bones that belong to no limb."""
-        scores = self.evidence.bone_scores[bone]
+        # Bones have the paper's blocks alone: a part of the score of limbs, and here the whole.
+        scores = np.clip(self.evidence.bone_scores[bone] / TOPOLOGY, 0.0, 1.0)
         best = np.argsort(-scores, kind="stable")[:4]
         others = tuple(
             RunnerUp(int(h), float(scores[h])) for h in best if h != human and scores[h] > 0.0
         )
         second = max((other.score for other in others), default=0.0)
-        parts = {part: float(self.evidence.bones[i, bone, human]) for i, part in enumerate(PARTS)}
-        return Reasoning(float(scores[human]), float(scores[human]) - second, parts, others[:3])
+        parts = {
+            part: float(self.evidence.bones[i, bone, human]) / TOPOLOGY
+            for i, part in enumerate(PARTS)
+        }
+        score = float(scores[human])
+        return Reasoning(score, score - second, parts, others[:3], weight=TOPOLOGY)
 
     def _margin(self, row: int, column: int) -> float:
         """How much the best assignment loses without this pair."""
@@ -71,8 +76,8 @@ class LimbChoice:
         with_pair[:, column] = False
         with_pair[row, column] = True
         without[row, column] = False
-        best = sum_of_squares(self.scores, hungarian(self.scores, with_pair))[0]
-        return best - sum_of_squares(self.scores, hungarian(self.scores, without))[0]
+        best = sum_of_powers(self.scores, hungarian(self.scores, with_pair))[0]
+        return best - sum_of_powers(self.scores, hungarian(self.scores, without))[0]
 
 
 def choices(evidence: Evidence, verdicts: Verdicts, mode: Mode) -> LimbChoice:
@@ -88,6 +93,7 @@ def choices(evidence: Evidence, verdicts: Verdicts, mode: Mode) -> LimbChoice:
             allowed[rows[bone], LIMB_NAMES.index(human)] = False
     _close_what_cannot_be_paired(evidence, verdicts, allowed, mode)
     possible = allowed.copy()
+    kept = {rows[bone] for bone in verdicts.kept_in(mode) if bone in rows}
     for bone, (human, act) in verdicts.kept_in(mode).items():
         column = limb_of(human)
         if act not in KEEPS or bone not in rows or column is None:
@@ -98,7 +104,29 @@ def choices(evidence: Evidence, verdicts: Verdicts, mode: Mode) -> LimbChoice:
         if act != "set":
             allowed[:, column] = False
         allowed[row, column] = True
+        across = _across(evidence, row, column)
+        if across is not None and across[0] not in kept:
+            other, free = across
+            allowed[other, :] = False
+            allowed[:, free] = False
+            allowed[other, free] = possible[other, column]
     return LimbChoice(evidence.scores, evidence.parts, allowed, possible, evidence)
+
+
+def _across(evidence: Evidence, row: int, column: int) -> tuple[int, int] | None:
+    """If a limb is given to the other side, the one across from it, and what that leaves free."""
+    limb, human = evidence.limbs[row], HUMAN_LIMBS[column]
+    if not limb.side or not human.side or limb.side == human.side:
+        return None
+    twins = [
+        other
+        for other, its in enumerate(evidence.limbs)
+        if its.side == human.side and its.hub == limb.hub
+    ]
+    if not twins:
+        return None
+    twin = min(twins, key=lambda other: abs(evidence.limbs[other].reach - limb.reach))
+    return twin, LIMB_NAMES.index(f"{human.name.split('.')[0]}.{limb.side}")
 
 
 def limb_of(human: str) -> int | None:

@@ -14,13 +14,15 @@ class Reasoning:
     """What stands behind the pairs of one limb, or behind one pair of the trunk.
 
     parts: contributions by the names in `evidence.PARTS`; they add up to score.
-    margin: how much worse the whole would be without it.
+    margin: how much worse the whole would be without it. weight: how much of the evidence it
+    rests on, 0..1; what rests on a part of it is less sure.
     """
 
     score: float
     margin: float
     parts: dict[str, float]
     runners_up: tuple[RunnerUp, ...]
+    weight: float = 1.0
 
     def pair(
         self,
@@ -34,7 +36,7 @@ class Reasoning:
 
         never: what cannot be a runner-up.
         """
-        sure = 1.0 if decided else confidence(self.score, self.margin)
+        sure = 1.0 if decided else confidence(self.weight * self.score, self.weight * self.margin)
         return Pair(
             name,
             bones,

@@ -79,8 +79,8 @@ class Proposal:
 
     pairs: in the order of its bones. unmapped: what nothing drives: bones under FK, which follow
         their parents; effectors under IK, which are carried along.
-    merit: how good the whole is, for comparing proposals of one armature: the sum of squared
-        scores. offers: masters that the operator may accept.
+    merit: how good the whole is, for comparing proposals of one armature: the sum of powers
+        of the scores. offers: masters that the operator may accept.
     follows: for bones without a partner the share of their parent's turn that they repeat.
     """
 
@@ -122,9 +122,9 @@ def pair_json(pair: Pair, proposal: Proposal, *, explain: bool) -> dict[str, Any
     }
     if len(pair.bones) > 1:
         out["drives"] = [armature.names[bone] for bone in pair.bones]
-    if pair.decided:
-        out["decided"] = pair.decided
     if explain:
+        if pair.decided:
+            out["decided"] = pair.decided
         out["confidence"] = round(pair.confidence, 3)
         out["certainty"] = pair.certainty
         out["margin"] = round(pair.margin, 4)

@@ -5,9 +5,9 @@ rest is split into as many disjoint problems as the best has pairs (this pair fo
 before it forced), each problem is solved, and the best of their answers is the next best of all;
 it is then split in turn. Every assignment is met once, so there are no doubles to remove.
 
-What "best" means is the solver's: the Hungarian algorithm takes the greatest sum of squared scores
-(Sanna 2015, section 3.6), best pair first takes the greatest pair again and again (section 5).
-Either leaves a row without a column rather than give it one that is not allowed.
+What "best" means is the solver's: the Hungarian algorithm takes the greatest sum of powers of the
+scores (Sanna 2015, section 3.6), best pair first takes the greatest pair again and again (section
+5). Either leaves a row without a column rather than give it one that is not allowed.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ _SOMETHING: Final = 1e-4
 
 
 def hungarian(scores: Floats, allowed: np.ndarray) -> Assignment:
-    """The assignment with the greatest sum of squared scores."""
+    """The assignment with the greatest sum of scores to the `POWER`."""
     if scores.size == 0:
         return ()
     worth = np.maximum(scores, _SOMETHING)
@@ -64,7 +64,7 @@ def best_first(scores: Floats, allowed: np.ndarray) -> Assignment:
     return tuple(sorted(pairs))
 
 
-def sum_of_squares(scores: Floats, assignment: Assignment) -> Merit:
+def sum_of_powers(scores: Floats, assignment: Assignment) -> Merit:
     """What `hungarian` makes greatest."""
     return (float(sum(scores[pair] ** POWER for pair in assignment)),)
 
@@ -75,7 +75,7 @@ def greatest_first(scores: Floats, assignment: Assignment) -> Merit:
 
 
 MERITS: Final[dict[Solver, Callable[[Floats, Assignment], Merit]]] = {
-    hungarian: sum_of_squares,
+    hungarian: sum_of_powers,
     best_first: greatest_first,
 }
 

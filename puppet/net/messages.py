@@ -193,7 +193,7 @@ class Decoder(Generic[M]):
         """Raises BadMessageError for another version, another kind, or bytes that are neither."""
         try:
             message = self._decoder.decode(data)
-        except msgspec.DecodeError as error:
+        except (msgspec.DecodeError, RecursionError) as error:
             raise self._explain(data, error) from None
         if message.version != VERSION:
             raise _other_version(self._kind, message.version)
@@ -203,7 +203,7 @@ class Decoder(Generic[M]):
         # A message of another version may well have another layout: say the version, if it has one.
         try:
             raw: Any = msgspec.msgpack.decode(data)
-        except msgspec.DecodeError:
+        except (msgspec.DecodeError, RecursionError):
             raw = None
         if isinstance(raw, dict) and raw.get("version", VERSION) != VERSION:
             return _other_version(self._kind, raw["version"])
