@@ -156,6 +156,13 @@ class Armature:
                 lists[parent].append(bone)
         return tuple(map(tuple, lists))
 
+    def below(self, bone: int) -> list[int]:
+        """A bone and all that hang on it, parents first."""
+        bones = [bone]
+        for each in bones:
+            bones.extend(self.children[each])
+        return bones
+
     @cached_property
     def depths(self) -> Ints:
         """(B,) steps from the root, whose depth is 0."""

@@ -23,6 +23,7 @@ from puppet.errors import UnavailableError
 from puppet.line import Line
 from puppet.net.bus import Bus
 from puppet.net.messages import (
+    VERSION,
     Decoder,
     HealthMessage,
     SceneMessage,
@@ -188,8 +189,9 @@ def test_a_message_of_another_version_is_refused_and_the_show_goes_on(
 
     send(message(99, 1))
     send(b"not a message at all")
+    send(b"\x91" * 5000)  # a list in a list in a list …
     time.sleep(0.2)
-    send(message(1, 2))
+    send(message(VERSION, 2))
     assert scenes.until(lambda s: s.frame_sent_ns == 2).source == "s"
 
 

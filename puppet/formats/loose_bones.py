@@ -83,7 +83,7 @@ def _candidates(armature: Armature) -> list[int]:
 def _owner(armature: Armature, bone: int) -> int | None:
     """The bone that a loose bone belongs to; None if nothing is near enough."""
     gaps = _gaps(armature, armature.rest[0][bone])
-    gaps[list(_below(armature, bone))] = np.inf
+    gaps[armature.below(bone)] = np.inf
     if armature.parents[bone] >= 0:
         gaps[armature.parents[bone]] = np.inf
     side = armature.sides[bone]
@@ -101,13 +101,6 @@ def _gaps(armature: Armature, place: Floats) -> Floats:
     lengths = np.maximum((along * along).sum(axis=1), 1e-18)
     share = np.clip(((place - start) * along).sum(axis=1) / lengths, 0.0, 1.0)
     return np.asarray(np.linalg.norm(start + share[:, None] * along - place, axis=1))
-
-
-def _below(armature: Armature, start: int) -> set[int]:
-    bones = [start]
-    for bone in bones:
-        bones.extend(armature.children[bone])
-    return set(bones)
 
 
 def _is_ancestor(parents: np.ndarray, bone: int, of: int) -> bool:

@@ -76,7 +76,7 @@ def anatomy(armature: Armature) -> Anatomy:
         if all(t.reach < TWIG * (widest if t.side else longest) for t in _twins(limb, plain))
     ]
     twigs = tuple(limb for limb in short if not _goes_on(limb, plain, short))
-    left_out = frozenset(bone for limb in twigs for bone in _below(armature, limb.bones[0]))
+    left_out = frozenset(bone for limb in twigs for bone in armature.below(limb.bones[0]))
     if not left_out:
         return plain
     bare = _split(armature, sides, lengths, left_out)
@@ -140,10 +140,3 @@ def _split(
     trunk = [bone for bone in range(count) if in_trunk[bone] and bone not in left_out]
     trunk.sort(key=lambda bone: (armature.depths[bone], armature.names[bone]))
     return Anatomy(tuple(trunk), tuple(limbs), sides)
-
-
-def _below(armature: Armature, start: int) -> Sequence[int]:
-    bones = [start]
-    for bone in bones:
-        bones.extend(armature.children[bone])
-    return bones

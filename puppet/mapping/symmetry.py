@@ -72,7 +72,7 @@ def _by_shape(armature: Armature) -> tuple[Side, ...]:
         first: Side = "L" if float(apart @ left) > 0.0 else "R"
         second: Side = "R" if first == "L" else "L"
         for start, side in ((one, first), (other, second)):
-            for bone in _below(armature, start):
+            for bone in armature.below(start):
                 sides[bone] = side
     return tuple(sides)
 
@@ -129,7 +129,7 @@ def _across(armature: Armature, alike: Sequence[int]) -> list[tuple[int, int]]:
 
 def _signature(armature: Armature, start: int) -> tuple[list[int], Floats]:
     """The build of what hangs on a bone: how many children each has, and how long each is."""
-    bones = _below(armature, start)
+    bones = armature.below(start)
     lengths = np.linalg.norm(armature.tips[bones], axis=1)
     return sorted(len(armature.children[bone]) for bone in bones), np.sort(lengths)
 
@@ -183,7 +183,7 @@ def _leftwards(armature: Armature, across: Floats, pairs: Sequence[tuple[int, in
 def _feet(armature: Armature, pairs: Sequence[tuple[int, int]]) -> Floats:
     """The sum of the last bones of those limbs that come down furthest. -> (3,)"""
     positions, tips = armature.rest[0], armature.rest_tips
-    limbs = [bone for pair in pairs for start in pair for bone in _below(armature, start)]
+    limbs = [bone for pair in pairs for start in pair for bone in armature.below(start)]
     ends = [bone for bone in limbs if not armature.children[bone]]
     lowest = min((float(tips[bone][1]) for bone in ends), default=0.0)
     feet = [b for b in ends if tips[b][1] - lowest < 0.15 * max(armature.size, 1e-9)]
@@ -192,12 +192,4 @@ def _feet(armature: Armature, pairs: Sequence[tuple[int, int]]) -> Floats:
 
 def _middle(armature: Armature, start: int) -> Floats:
     """The mean of a limb's ends at rest."""
-    return np.asarray(armature.rest_tips[_below(armature, start)].mean(axis=0))
-
-
-def _below(armature: Armature, start: int) -> list[int]:
-    """A bone and all that hang on it."""
-    bones = [start]
-    for bone in bones:
-        bones.extend(armature.children[bone])
-    return bones
+    return np.asarray(armature.rest_tips[armature.below(start)].mean(axis=0))
