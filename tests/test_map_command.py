@@ -168,7 +168,7 @@ def test_every_pair_is_explained(map_: Map, mode: str) -> None:
 
 
 def test_a_lock_is_kept_and_the_rest_goes_around_it(map_: Map) -> None:
-    found = map_(FISH, "--json", "--lock", "fin.R=hand.L", "--lock", "dorsal=head")
+    found = map_(FISH, "--json", "--explain", "--lock", "fin.R=hand.L", "--lock", "dorsal=head")
     assert found.partners["fin.R"] == "hand.L"
     assert found.partners["dorsal"] == "head"
     assert list(found.partners.values()).count("hand.L") == 1
@@ -184,6 +184,9 @@ def test_a_whole_limb_is_locked_and_forbidden(map_: Map) -> None:
     locked = map_(FISH, "--json", "--lock", "fin.R=arm.L").partners
     for bone in ("fin.R", "fin_tip.R"):
         assert locked[bone] in ("shoulder.L", "upper_arm.L", "forearm.L", "hand.L")
+    # The fin across gets the arm that this leaves free, and nothing else changes.
+    assert locked["fin.L"] == "upper_arm.R"
+    assert locked["head"] == "head"
     forbidden = map_(FISH, "--json", "--forbid", "fin.R=arm.R", "--forbid", "fin.L=arm.L").partners
     for side in "LR":
         for bone in (f"fin.{side}", f"fin_tip.{side}"):

@@ -334,7 +334,7 @@ def test_a_bone_or_human_bone_that_is_not_there_is_left_out_and_named(tmp_path: 
     )
     path.write_text(text.replace("hand.L", "wing"))
     service = MappingService({"fish": fish}, path=path)
-    assert "there is no such human bone (wing)" in service.warnings("fish")[0]
+    assert "there is no such human bone or limb (wing)" in service.warnings("fish")[0]
     assert service.history("fish").steps == ()
 
 
