@@ -420,6 +420,23 @@ def test_every_option_of_the_command_does_what_it_says(decide: Decide) -> None:
     assert "undone" not in err.split("7.")[0]
 
 
+def test_the_command_explains_and_takes_in_an_edited_file(decide: Decide, show: Path) -> None:
+    explained = decide.rows("fish", "--explain")["fin.R"]
+    assert "geometry" in explained[2]
+    assert "thigh.R" in explained[3] or "foot.R" in explained[3]
+    decide.rows("fish", "--lock", "fin.R=hand.L")
+    kept = mappings_path(show)
+    kept.write_text(kept.read_text().replace("hand.L", "forearm.L"))
+    assert decide.rows("fish", "--reload")["fin.R"] == ["forearm.L", "lock"]
+    kept.write_text(kept.read_text().replace("forearm.L", "paw"))
+    code, _, err = decide("fish", "--reload")
+    assert code == 0
+    assert "no such human bone or limb (paw)" in err
+    code, _, err = decide("fish", "--reload", "--undo")
+    assert code == 2
+    assert "--reload" in err
+
+
 def test_the_command_makes_masters_and_takes_them_apart(decide: Decide) -> None:
     before = decide.rows("gull")
     assert "wings" not in before
