@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -19,8 +20,9 @@ from puppet.mapping.human import HUMAN, HUMAN_LIMBS, HumanLimb
 from puppet.mapping.placement import Placement
 from puppet.mapping.proposal import Proposal
 from puppet.mapping.stance import Stance, stance_of
-from puppet.pose import Intent
+from puppet.pose import Intent, Pose, forward_kinematics
 from puppet.skeleton import HUMAN_BONES, Joint, SkeletonFrame
+from puppet.solvers.oriented_tips import OrientedTips
 from puppet.tracking.rehearsal import Rehearsal
 from tests.armatures import armatures
 from tests.rig_changes import CAST, creatures, propose, shipped
@@ -356,3 +358,72 @@ def test_a_placement_that_was_asked_for_is_kept() -> None:
     on_floor = driven("seagull", Placement(follow=follow, grounded=True))
     # Upwards it must go as its own legs bend, or its feet would slip.
     np.testing.assert_array_equal(on_floor.placement.along[[0, 2]], follow[[0, 2]])
+
+
+# -- with the solver behind it ----------------------------------------------------------------
+
+
+def solved(drive: EffectorDrive) -> Callable[[SkeletonFrame], Pose]:
+    """As a puppet on the line is posed, before anything that takes time."""
+    solver = OrientedTips(drive.armature.holding(drive.held), drive.effectors, drive.oriented)
+    return lambda seen: solver(drive(seen))
+
+
+def widest_turn(one: Pose, other: Pose) -> float:
+    """Radians that the bone turns that turns most."""
+    return float(
+        (Rotation.from_quat(one.bones) * Rotation.from_quat(other.bones).inv()).magnitude().max()
+    )
+
+
+@pytest.mark.parametrize("name", CAST)
+@pytest.mark.parametrize("grounded", [False, True])
+def test_poses_are_continuous(name: str, grounded: bool) -> None:
+    """Where a pose turns most between two frames, it turns little between two that are close:
+    halving the time in which it does so, again and again, leaves no jump."""
+    pose, rehearsal = solved(driven(name, Placement(grounded=grounded))), Rehearsal()
+    seen = [frame for frame in Rehearsal(30.0) if frame.states.all()]
+    poses = [pose(frame) for frame in seen]
+    turns = [
+        (widest_turn(poses[i], poses[i + 1]), seen[i].time, seen[i + 1].time)
+        for i in range(len(seen) - 1)
+        if seen[i + 1].sequence == seen[i].sequence + 1
+    ]
+    for _, *moments in sorted(turns, reverse=True)[:5]:
+        start, end = moments
+        for _ in range(12):
+            middle = (start + end) / 2.0
+            before, between, after = (pose(rehearsal.frame(t)) for t in (start, middle, end))
+            first = widest_turn(before, between) > widest_turn(between, after)
+            start, end = (start, middle) if first else (middle, end)
+        left = widest_turn(pose(rehearsal.frame(start)), pose(rehearsal.frame(end)))
+        assert math.degrees(left) < 1.5, f"at {start:.5f} s"
+
+
+@pytest.mark.parametrize("name", WITH_LEGS)
+@given(way=st.tuples(st.floats(-0.08, 0.08), st.floats(-0.12, 0.02), st.floats(-0.08, 0.08)))
+def test_a_planted_paw_stays_on_its_spot_of_the_stage(
+    name: str, way: tuple[float, float, float]
+) -> None:
+    """In the pose itself, as far as the legs reach: within 1 % of the puppet's size."""
+    drive = driven(name, Placement(grounded=True))
+    pose = solved(drive)
+    before = pose(frame(STANDING))
+    after = pose(frame(moved(STANDING, UPPER, np.asarray(way))))
+    for bone, _ in tips_on(drive, "leg"):
+        slipped = tip_of(drive.armature, after, bone) - tip_of(drive.armature, before, bone)
+        assert np.linalg.norm(slipped) < 0.01 * drive.armature.size
+
+
+def tip_of(armature: Armature, pose: Pose, bone: int) -> Floats:
+    origins, turns = forward_kinematics(armature, pose)
+    return np.asarray(
+        origins[bone] + Rotation.from_quat(turns[bone]).apply(armature.tips[bone].copy())
+    )
+
+
+@pytest.mark.parametrize("name", CAST)
+def test_in_the_neutral_stance_the_pose_is_rest(name: str) -> None:
+    drive = driven(name, Placement(grounded=True))
+    rest = drive(frame(STANDING)).base
+    assert widest_turn(solved(drive)(frame(STANDING)), rest) < 1e-6
