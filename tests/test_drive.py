@@ -14,11 +14,13 @@ from scipy.spatial.transform import Rotation
 from puppet.armature import Armature
 from puppet.kernel import Floats
 from puppet.mapping.drive import ForwardDrive
+from puppet.mapping.evidence import gather
 from puppet.mapping.forward import propose_forward
 from puppet.mapping.placement import Placement
 from puppet.mapping.proposal import Pair
 from puppet.mapping.stance import stance_of, upright
 from puppet.pose import forward_kinematics
+from puppet.rotation import IDENTITY
 from puppet.skeleton import HUMAN_BONE_NAMES, Joint, SkeletonFrame
 from puppet.tracking.rehearsal import Rehearsal
 from tests.armatures import armature_of, armatures
@@ -204,3 +206,58 @@ def test_a_turn_on_the_spot_turns_the_puppet_and_nothing_else() -> None:
     np.testing.assert_allclose(
         np.abs((pose.bones * armature.rotations).sum(axis=1)), 1.0, atol=1e-9
     )
+
+
+@given(armatures(most=15), st.integers(0, 2**32 - 1), st.sampled_from(list(Rehearsal())[::40]))
+def test_a_bone_that_follows_repeats_its_share_of_its_parents_turn(
+    armature: Armature, seed: int, seen: SkeletonFrame
+) -> None:
+    """By SciPy: what a bone turns is its place in the pose against its place at rest."""
+    if not seen.present:
+        return
+    shares = np.random.default_rng(seed).uniform(-0.5, 1.5, len(armature))
+    proposal = propose_forward(gather(armature, follows=shares))[0]
+    # Half of the pairs are taken away, so that much is left that follows.
+    pairs = proposal.pairs[::2]
+    driven = {pair.bone for pair in pairs}
+    follows = [(b, s) for b, s in enumerate(shares.tolist()) if b not in driven]
+    drive = ForwardDrive(armature, pairs, stance_of(standing()), follows=follows)
+    pose = replace(drive(frame(seen.positions)).base, rotation=IDENTITY, translation=np.zeros(3))
+    now = Rotation.from_quat(forward_kinematics(armature, pose)[1])
+    turned = now * Rotation.from_quat(armature.rest[1]).inv()
+    for bone, share in follows:
+        parent = int(armature.parents[bone])
+        if parent < 0:
+            assert turned[bone].magnitude() < 1e-9
+            continue
+        above = int(armature.parents[parent])
+        before = Rotation.identity() if above < 0 else turned[above]
+        own = before.inv() * turned[parent]
+        if own.magnitude() > 3.1:
+            continue  # half a turn has two shares
+        expected = turned[parent] * Rotation.from_rotvec(share * own.as_rotvec())
+        assert (turned[bone] * expected.inv()).magnitude() < 1e-6
+
+
+def test_a_tail_that_follows_bends_on_behind_what_bends_before_it() -> None:
+    armature = armature_of({"hub": "", "arm.L": "hub", "next": "arm.L", "last": "next"})
+    human = HUMAN_BONE_NAMES.index("upper_arm.L")
+    pair = Pair("arm.L", (armature.index("arm.L"),), human, 1.0)
+    raised = turned(
+        standing(), Rotation.from_euler("z", 40, degrees=True), Joint.SHOULDER_LEFT, LEFT_ARM
+    )
+
+    def turns(*follows: tuple[int, float]) -> list[float]:
+        drive = ForwardDrive(armature, [pair], stance_of(standing()), follows=follows)
+        _, now = forward_kinematics(armature, drive(frame(raised)).base)
+        _, rest = forward_kinematics(armature, drive(frame(standing())).base)
+        gone = Rotation.from_quat(now) * Rotation.from_quat(rest).inv()
+        return [math.degrees(angle) for angle in gone.magnitude()]
+
+    arm, following, last = (armature.index(name) for name in ("arm.L", "next", "last"))
+    stiff = turns()
+    assert stiff[following] == pytest.approx(stiff[arm])
+    bent = turns((following, 0.5), (last, 1.0))
+    assert bent[arm] == pytest.approx(stiff[arm])
+    assert bent[following] == pytest.approx(1.5 * stiff[arm])
+    assert bent[last] == pytest.approx(2.0 * stiff[arm])
