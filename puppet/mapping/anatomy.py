@@ -134,6 +134,8 @@ def _split(
         key=lambda limb: (
             -round(limb.reach / longest, 6),
             -len(limb.bones),
+            # Of two that are alike in every way, one that is called a head is one.
+            "head" not in armature.names[limb.bones[-1]].lower(),
             armature.names[limb.bones[-1]],
         )
     )
