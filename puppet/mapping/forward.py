@@ -264,8 +264,10 @@ class _Builder:
             if self.chosen.get(bone, (-1,))[0] == human:
                 continue
             if act != "set":
-                for other in [b for b, (h, _) in self.chosen.items() if h == human]:
-                    del self.chosen[other]
+                taken = [b for b, (h, _) in self.chosen.items() if h == human]
+                for other in taken:
+                    if other not in self.kept:  # what was set by hand shares it
+                        del self.chosen[other]
             self.chosen[bone] = (human, self.limbs.spine_reasoning(bone, human))
 
 

@@ -32,8 +32,8 @@ Merit = tuple[float, ...]
 #: The paper takes the second power of scores that run over three orders of magnitude; these run
 #: over one, and a high power says as plainly that one good pair is worth more than two poor ones.
 POWER: Final = 4
-#: Even a pair without merit is better than none.
-_SOMETHING: Final = 1e-4
+#: Even a pair without merit is better than none; to that power it must still be seen beside 1.
+_SOMETHING: Final = 1e-3
 
 
 def hungarian(scores: Floats, allowed: np.ndarray) -> Assignment:
