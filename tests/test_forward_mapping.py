@@ -237,6 +237,26 @@ def test_wings_are_arms_and_what_hangs_below_is_legs() -> None:
     assert found["leg0.R"] == "thigh.R"
 
 
+@given(st.data(), st.floats(0.85, 0.99))
+def test_of_two_pairs_of_wings_both_hands_have_the_longer(
+    data: st.DataObject, share: float
+) -> None:
+    """Not the left one of one pair and the right one of the other."""
+    bones = {
+        "hips": ("", (0.0, 1.0, 0.0)),
+        "chest": ("hips", (0.0, 0.3, 0.3)),
+        **limb("front", "chest", (0.5 * share, 0.1, 0.0), 3, (0.0, 0.0, 0.2)),
+        **limb("back", "chest", (0.5, 0.1, 0.0), 3, (0.0, 0.0, 0.2)),
+        **limb("leg", "hips", (0.0, -0.4, 0.0), 2, (0.1, 0.0, 0.0)),
+    }
+    order = data.draw(st.permutations(range(len(bones))))
+    armature = reordered(bare(bones), order)
+    for told in (armature, mirrored(armature)):
+        found = mapping(told)
+        assert found["back0.L"] == "upper_arm.L"
+        assert found["back0.R"] == "upper_arm.R"
+
+
 def test_a_chain_without_a_trunk_goes_to_the_arms_tip_first_to_the_right() -> None:
     bones = ["a", "b", "c", "d", "e"]
     chain = {bone: (bones[i - 1] if i else "") for i, bone in enumerate(bones)}

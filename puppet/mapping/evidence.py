@@ -29,6 +29,8 @@ PARTS: Final = ("similarity", "path", "symmetry", "constraint", "geometry", "pre
 TOPOLOGY, GEOMETRY, PREFERENCE = 0.25, 0.65, 0.1
 #: What a limb in the middle loses on an arm, in a body with sides.
 MIDDLE: Final = 0.12
+#: What decides between limbs that are equal otherwise: the longer ones.
+_EQUAL: Final = 1e-4
 #: Head and hands.
 _UPPER: Final = 3
 
@@ -170,7 +172,8 @@ def _geometry(armature: Armature, shape: Anatomy, limbs: Sequence[Limb]) -> Floa
             else:
                 onwards = 0.5 if axis is None else 0.5 + 0.5 * cosine(way_of(armature, limb), axis)
                 parts = (0.2 * cover, 0.4 * ahead[row], 0.4 * onwards)
-            scores[row, column] = sum(parts)
+            # Of limbs that are as good in all that, left and right must be a pair.
+            scores[row, column] = sum(parts) - _EQUAL * (1.0 - reach)
     return scores
 
 
