@@ -104,7 +104,7 @@ def _staged(config: PuppetConfig, path: Path, puppet: Puppet, proposal: Proposal
     placement = Placement(
         position=np.array(config.position, float),
         yaw=float(np.radians(config.yaw)),
-        follow=None if follow is None else np.broadcast_to(np.array(follow, float), 3).copy(),
+        follow=np.array(follow) if isinstance(follow, tuple) else follow,
         turn=config.turn,
         grounded=bool(puppet.traits.grounded),
     )

@@ -38,8 +38,10 @@ class PuppetConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     armature: its model, or the ``.toml`` that names one. mode: how it is driven, bone to bone (fk)
         or by its end effectors (ik), until somebody decides otherwise. position, yaw: where it
         stands.
-    follow: how far it goes along with the performer, either one number or (left, up, forward);
-        None is 0.3, or as far as its steps go if it stands on legs that IK moves.
+    follow: how far it goes along with the performer. Three numbers, (left, up, forward), hold as
+        they are. One number holds for all directions; but a puppet that stands on legs that IK
+        moves goes up and down as far as its legs bend. None is 0.3, or as far as its steps go
+        if it stands on such legs. What stands on the floor without them never goes down.
     reach: multiplies how far IK lets its end effectors go.
     turn: how much of the performer's turning on the spot it takes over.
     height: how tall it is made, whatever the size of the model; None leaves it as modelled.

@@ -356,8 +356,11 @@ def test_a_placement_that_was_asked_for_is_kept() -> None:
     free = driven("seagull", Placement(follow=follow))
     np.testing.assert_array_equal(free.placement.along, follow)
     on_floor = driven("seagull", Placement(follow=follow, grounded=True))
-    # Upwards it must go as its own legs bend, or its feet would slip.
-    np.testing.assert_array_equal(on_floor.placement.along[[0, 2]], follow[[0, 2]])
+    np.testing.assert_array_equal(on_floor.placement.along, follow)
+    # One number does not say how far legs bend.
+    legs = driven("seagull", Placement(grounded=True)).placement.along
+    by_one = driven("seagull", Placement(follow=0.1, grounded=True))
+    np.testing.assert_array_equal(by_one.placement.along, [0.1, legs[1], 0.1])
 
 
 # -- with the solver behind it ----------------------------------------------------------------

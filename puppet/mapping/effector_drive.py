@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -25,7 +25,7 @@ from puppet.kernel import Floats
 from puppet.mapping.anatomy import anatomy
 from puppet.mapping.body_axis import body_axis
 from puppet.mapping.human import HUMAN, HUMAN_LIMBS, HumanLimb
-from puppet.mapping.placement import FOLLOW, Placement
+from puppet.mapping.placement import Placement
 from puppet.mapping.proposal import Pair
 from puppet.mapping.stance import UPRIGHT, Stance, heading_of, in_heading
 from puppet.mapping.symmetry import sides_of
@@ -136,18 +136,11 @@ class EffectorDrive:
 def _stood(
     armature: Armature, pairs: Iterable[Pair], placement: Placement, reach: float
 ) -> Placement:
-    """The placement of a puppet that may stand on legs of its own.
-
-    Then it goes down when the performer's legs bend, as far as its own legs do, and goes about as
-    far as its steps are long, if nothing else was asked for.
-    """
+    """The placement of a puppet that may stand on legs of its own."""
     legs = [_leg_scale(armature, pair) for pair in pairs if _limb(pair).is_leg]
     if not legs or not placement.grounded:
-        return placement.going(FOLLOW)
-    scale = float(np.mean(legs)) * reach
-    follow = np.array(placement.going(scale).follow, float)
-    follow[1] = scale
-    return replace(placement, follow=follow, sinks=True)
+        return placement
+    return placement.on_legs(float(np.mean(legs)) * reach)
 
 
 def _limb(pair: Pair) -> HumanLimb:

@@ -21,9 +21,9 @@ FOLLOW: Final = 0.3
 class Placement:
     """Where a puppet stands and how it follows the performer about.
 
-    position: (3,) metres, world. yaw: radians about +Y. follow: (3,) how many metres the puppet
-    goes for each metre of the performer's hip, along the performer's own left, up and forward;
-    None leaves it to the drive.
+    position: (3,) metres, world. yaw: radians about +Y. follow: how many metres the puppet goes for
+    each metre of the performer's hip: (3,) along the performer's own left, up and forward; or one
+    number, which leaves it to legs that stand how far they bend; None leaves all to the drive.
     turn: how much of the performer's turning on the spot it takes over, 0..1.
     grounded: whether it stands on the floor, and so never sinks when the performer squats.
     sinks: whether it stands on legs of its own, which bend when the performer squats.
@@ -31,21 +31,27 @@ class Placement:
 
     position: Floats = field(default_factory=lambda: np.zeros(3))
     yaw: float = 0.0
-    follow: Floats | None = None
+    follow: Floats | float | None = None
     turn: float = 1.0
     grounded: bool = False
     sinks: bool = False
 
     @property
     def along(self) -> Floats:
-        """What `follow` comes to."""
-        return np.full(3, FOLLOW) if self.follow is None else self.follow
+        """(3,) what `follow` comes to."""
+        return np.broadcast_to(FOLLOW if self.follow is None else self.follow, 3)
 
-    def going(self, follow: float) -> Placement:
-        """The same, following so far if nothing else was asked for."""
-        if self.follow is not None:
-            return self
-        return replace(self, follow=np.full(3, follow))
+    def on_legs(self, scale: float) -> Placement:
+        """The same, standing on legs that take `scale` times the performer's steps.
+
+        Then it goes about as far as its steps are long, and down as far as its legs bend, in all
+        directions for which nothing else was asked.
+        """
+        follow = self.follow
+        if not isinstance(follow, np.ndarray):
+            aside = scale if follow is None else follow
+            follow = np.array([aside, scale, aside])
+        return replace(self, follow=follow, sinks=True)
 
     def root(self, frame: SkeletonFrame, neutral: Stance, heading: float) -> tuple[Floats, Floats]:
         """World translation (3,) and rotation (4,): the placement, then the performer's own way.
