@@ -19,8 +19,10 @@ from puppet.mapping.ranking import (
     Solver,
     best_first,
     hungarian,
+    leaves_out,
     ranked,
     sum_of_powers,
+    whole_first,
 )
 
 SOLVERS: tuple[Solver, ...] = (hungarian, best_first)
@@ -144,6 +146,53 @@ def test_best_first_is_what_a_person_does_with_a_pencil(
         if all(row != r and column != c for r, c in taken):
             taken.append((row, column))
     assert best_first(scores, allowed) == tuple(sorted(taken))
+
+
+def is_part(assignment: Assignment, every: Sequence[Assignment]) -> bool:
+    return any(set(assignment) < set(other) for other in every)
+
+
+@pytest.mark.parametrize("solve", SOLVERS)
+@given(problem=problems())
+def test_what_merely_drops_a_pair_comes_last_and_nothing_is_lost(
+    solve: Solver, problem: tuple[Floats, np.ndarray]
+) -> None:
+    every = list(partial_assignments(problem[1]))
+    found = list(whole_first(*problem, solve))
+    met = [assignment for _, assignment in found]
+    assert len(met) == len(every)
+    assert set(met) == set(every)
+    dropped = [is_part(assignment, every) for assignment in met]
+    assert dropped == sorted(dropped)
+    assert [leaves_out(assignment, problem[1]) for assignment in met] == dropped
+    for kind in (False, True):
+        # In the order that they have among all.
+        some = [one for one, is_less in zip(found, dropped, strict=True) if is_less == kind]
+        merits = [merit for merit, a in ranked(*problem, solve) if is_part(a, every) == kind]
+        assert order_of([merit for merit, _ in some]) == order_of(merits)
+        if solve is hungarian:
+            assert [tuple(round(x, 12) for x in m) for m, _ in some] == order_of(merits)
+
+
+def test_alternatives_are_found_without_listing_all_that_drop_a_pair() -> None:
+    """A second assignment of nine pairs: 2⁹ that lie between are passed over."""
+    allowed = np.eye(10, dtype=bool)
+    allowed[0, 1] = allowed[1, 0] = True
+    solved = 0
+
+    def solve(scores: Floats, free: np.ndarray) -> Assignment:
+        nonlocal solved
+        solved += 1
+        return hungarian(scores, free)
+
+    MERITS[solve] = sum_of_powers
+    try:
+        scores = np.where(np.eye(10, dtype=bool), 0.9, 0.1)
+        found = list(islice(whole_first(scores, allowed, solve), 2))
+    finally:
+        del MERITS[solve]
+    assert [len(assignment) for _, assignment in found] == [10, 10]
+    assert solved < 20
 
 
 def test_equal_pairs_go_to_the_first_row_and_column() -> None:

@@ -80,12 +80,34 @@ MERITS: Final[dict[Solver, Callable[[Floats, Assignment], Merit]]] = {
 }
 
 
-def ranked(
+def leaves_out(assignment: Assignment, allowed: np.ndarray) -> bool:
+    """Whether a pair could be added: it is a better assignment without some of its pairs."""
+    row_free, column_free = (np.ones(count, bool) for count in allowed.shape)
+    for row, column in assignment:
+        row_free[row] = column_free[column] = False
+    return bool(allowed[row_free][:, column_free].any())
+
+
+def whole_first(
     scores: Floats, allowed: np.ndarray, solve: Solver = hungarian
+) -> Iterator[tuple[Merit, Assignment]]:
+    """As `ranked`, but what merely drops pairs of a better one comes after all that does not.
+
+    To somebody who wants another mapping, the same one with a pair less is none. Both kinds come
+    best first.
+    """
+    yield from ranked(scores, allowed, solve, whole=True)
+    for merit, assignment in ranked(scores, allowed, solve):
+        if leaves_out(assignment, allowed):
+            yield merit, assignment
+
+
+def ranked(
+    scores: Floats, allowed: np.ndarray, solve: Solver = hungarian, *, whole: bool = False
 ) -> Iterator[tuple[Merit, Assignment]]:
     """Assignments from the best down, each once, with how good it is.
 
-    scores: (R, C), 0 or more. allowed: (R, C).
+    scores: (R, C), 0 or more. allowed: (R, C). whole: only those that no pair could be added to.
     """
     merit_of = MERITS[solve]
     order = count()  # ties come out in the order in which they were found: the same every time
@@ -95,6 +117,8 @@ def ranked(
         for row, column in forced:
             free[row, :] = False
             free[:, column] = False
+        if whole and _forsaken(forced, free, allowed):
+            return None
         assignment = tuple(sorted((*forced, *solve(scores, free))))
         if not assignment:
             return None
@@ -107,7 +131,8 @@ def ranked(
     heap = [] if first is None else [first]
     while heap:
         _, _, merit, assignment, forced, mask = heapq.heappop(heap)
-        yield merit, assignment
+        if not (whole and leaves_out(assignment, allowed)):
+            yield merit, assignment
         fixed: list[tuple[int, int]] = list(forced)
         for pair in assignment:
             if pair in fixed:
@@ -118,3 +143,12 @@ def ranked(
             if branch is not None:
                 heapq.heappush(heap, branch)
             fixed.append(pair)
+
+
+def _forsaken(forced: Assignment, free: np.ndarray, allowed: np.ndarray) -> bool:
+    """Whether a pair is allowed whose row and column both have nothing left to choose from: then no
+    assignment of this problem is whole, and there is no need to list them all."""
+    row_used, column_used = np.array(free.any(axis=1)), np.array(free.any(axis=0))
+    for row, column in forced:
+        row_used[row] = column_used[column] = True
+    return bool(allowed[~row_used][:, ~column_used].any())
