@@ -29,7 +29,8 @@ class Pair:
         than one for a master.
     human: index of the human bone; under IK of the one whose end is the control point.
     score: 0..1, the sum of `reasons`; for comparing the pairs of one armature.
-    confidence: 0..1, how often a pair like this one is right (docs/benchmarks.md has the table).
+    confidence: 0..1, how often a pair like this one is right (docs/mapping-benchmark.md has
+        the table).
     margin: how much worse the best mapping without this pair would be; below 0 where it was forced.
     reasons: what each part of the evidence contributed, by the names in `evidence.PARTS`.
     runners_up: best first. decided: the operator's word on it, "" if there is none.
