@@ -86,7 +86,8 @@ class MappingClient:
             raise UnavailableError(
                 "no stage answers",
                 where=f"mapping/{tag}",
-                hint="start the show first: puppet run SHOW",
+                hint="the show may still be starting, and the first start compiles for up to a "
+                "minute: try again then. Or it is another show that runs there",
             )
         answer = self._decode(reply)
         if answer.refusal is not None:
