@@ -9,10 +9,12 @@ from hypothesis import strategies as st
 
 from puppet.armature import Armature
 from puppet.errors import BadDecisionError
-from puppet.mapping.decisions import BANS, KEEPS, Decision, Verdicts, partners_of
+from puppet.mapping.anatomy import anatomy, limb_rows
+from puppet.mapping.decisions import BANS, KEEPS, Decision, partners_of
 from puppet.mapping.evidence import PARTS
-from puppet.mapping.human import HUMAN_LIMBS
+from puppet.mapping.human import HUMAN_LIMBS, WHOLE_LIMBS
 from puppet.mapping.proposal import Mode, Proposal
+from puppet.mapping.verdicts import Verdicts
 from puppet.skeleton import HUMAN_BONE_NAMES
 
 Named = tuple[tuple[str, str], ...]
@@ -32,7 +34,7 @@ def decided(draw: st.DrawFn, armature: Armature, mode: Mode, most: int = 6) -> V
             draw(st.sampled_from(["accept", "lock", "set", "reject", "forbid"])),
             mode,
             draw(st.sampled_from(armature.names)),
-            draw(st.sampled_from(partners_of(mode))),
+            draw(st.sampled_from((*partners_of(mode), *WHOLE_LIMBS))),
         )
         try:
             verdicts = verdicts.with_act(decision, armature)
@@ -51,8 +53,6 @@ def check_sound(proposal: Proposal, verdicts: Verdicts) -> None:
     assert len(set(drivers)) == len(drivers), "one human bone drives two, and nobody said so"
     found = {pair.name: pair for pair in proposal.pairs}
     for bone, (human, act) in verdicts.kept_in(mode).items():
-        if human not in partners_of(mode):  # a whole limb
-            continue
         assert act in KEEPS
         assert bone in found, f"{bone} was decided and has nothing"
         assert found[bone].partner == human, f"{bone} = {human} was decided"
@@ -61,6 +61,45 @@ def check_sound(proposal: Proposal, verdicts: Verdicts) -> None:
     for (bone, human), act in verdicts.banned_in(mode).items():
         assert act in BANS
         assert bone not in found or found[bone].partner != human, f"{bone} = {human} was ruled out"
+    if mode == "fk":
+        check_whole_limbs(proposal, verdicts)
+
+
+def check_whole_limbs(proposal: Proposal, verdicts: Verdicts) -> None:
+    """Limbs go where it was said, and not where it was ruled out; but bones come before limbs."""
+    armature = proposal.armature
+    limbs = anatomy(armature).pieces
+    rows = limb_rows(armature, limbs)
+    of_limb: dict[str, set[str]] = {
+        limb.name: {HUMAN_BONE_NAMES[b] for b in limb.bones} for limb in HUMAN_LIMBS
+    }
+    kept = verdicts.kept_in("fk")
+    taken = {human for human, _ in kept.values()}
+
+    def partners(first: str) -> dict[str, str]:
+        row = rows[armature.index(first)]
+        return {
+            pair.name: pair.partner
+            for pair in proposal.pairs
+            if rows.get(pair.bone) == row and pair.name not in kept
+        }
+
+    for first, (limb, act) in verdicts.limbs.items():
+        found = partners(first)
+        assert set(found.values()) <= of_limb[limb], f"{first} = {limb} was decided: {found}"
+        assert all(p.decided == act for p in proposal.pairs if p.name in found)
+        chain = limbs[rows[armature.index(first)]].bones
+        if not taken & of_limb[limb] and not any(armature.names[bone] in kept for bone in chain):
+            banned = verdicts.banned_in("fk")
+            free = [
+                bone
+                for bone in chain
+                if any((armature.names[bone], human) not in banned for human in of_limb[limb])
+            ]
+            assert found or not free, f"{first} = {limb} was decided and has nothing"
+    for first, limb in verdicts.banned_in("fk"):
+        if limb in of_limb and limb in WHOLE_LIMBS:
+            assert not set(partners(first).values()) & of_limb[limb], f"{first} = {limb} is banned"
 
 
 def check_reasons(proposal: Proposal) -> None:

@@ -19,9 +19,9 @@ from puppet.armature import Armature, side_of
 from puppet.cast import rig_of
 from puppet.formats.armature_toml import load_puppet
 from puppet.kernel import Floats, frozen
-from puppet.mapping.decisions import Verdicts
 from puppet.mapping.proposal import Mode, Proposal
 from puppet.mapping.service import Rig
+from puppet.mapping.verdicts import Verdicts
 
 ARMATURES: Final = Path(__file__).parents[1] / "configs" / "armatures"
 CAST: Final = ("fish", "lamp", "dog", "seagull", "snake", "ostrich")

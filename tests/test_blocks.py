@@ -20,12 +20,12 @@ from puppet.mapping.blocks import (
     similarity_block,
     symmetry_block,
 )
-from puppet.mapping.decisions import Verdicts
 from puppet.mapping.effectors import propose_effectors
 from puppet.mapping.evidence import gather
 from puppet.mapping.forward import propose_forward
 from puppet.mapping.human import HUMAN
 from puppet.mapping.preferences import Preferences
+from puppet.mapping.verdicts import Verdicts
 from puppet.skeleton import HUMAN_BONE_NAMES, HUMAN_PARENTS
 from tests.armatures import armature_of, armatures
 from tests.rig_changes import creatures, mirrored, reordered, shipped

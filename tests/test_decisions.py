@@ -13,19 +13,12 @@ from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, pr
 
 from puppet.armature import Armature
 from puppet.errors import BadDecisionError
-from puppet.mapping.decisions import (
-    BANS,
-    KEEPS,
-    LONGEST_HISTORY,
-    Act,
-    Decision,
-    Ledger,
-    Verdicts,
-    check_together,
-    partners_of,
-)
-from puppet.mapping.human import CONTROL_POINTS, LIMB_NAMES
+from puppet.mapping.anatomy import anatomy
+from puppet.mapping.decisions import BANS, KEEPS, Act, Decision, partners_of
+from puppet.mapping.human import CONTROL_POINTS, LIMB_NAMES, WHOLE_LIMBS
+from puppet.mapping.ledger import LONGEST_HISTORY, Ledger, check_together
 from puppet.mapping.proposal import Mode
+from puppet.mapping.verdicts import Verdicts
 from puppet.skeleton import HUMAN_BONE_NAMES
 from tests.rig_changes import MODES, shipped
 
@@ -126,11 +119,69 @@ def test_each_mode_has_decisions_of_its_own() -> None:
     assert verdicts.kept_in("ik") == {"tail": ("hand.L", "lock")}
 
 
-@given(st.sampled_from(SEAGULL.names[1:]), st.sampled_from(LIMB_NAMES))
-def test_a_whole_limb_can_be_a_partner(bone: str, limb: str) -> None:
-    for mode in MODES:
-        assert after(Decision("lock", mode, bone, limb)).kept_in(mode) == {bone: (limb, "lock")}
-        assert after(Decision("forbid", mode, bone, limb)).banned_in(mode)
+LIMBS = {
+    bone: limb.bones for limb in anatomy(SEAGULL).pieces for bone in limb.bones
+}  # all bones of the limb that a bone belongs to
+
+
+@given(st.sampled_from(sorted(LIMBS)), st.sampled_from(WHOLE_LIMBS), keeping)
+def test_a_whole_limb_can_be_a_partner_whichever_of_its_bones_is_named(
+    bone: int, limb: str, act: Act
+) -> None:
+    names = SEAGULL.names
+    first, tip = names[LIMBS[bone][0]], names[LIMBS[bone][-1]]
+    point = CONTROL_POINTS[LIMB_NAMES.index(limb)]
+    assert after(Decision(act, "fk", names[bone], limb)).limbs == {first: (limb, act)}
+    assert after(Decision(act, "ik", names[bone], limb)).kept_in("ik") == {tip: (point, act)}
+    assert after(Decision("forbid", "fk", names[bone], limb)).banned_in("fk") == {
+        (first, limb): "forbid"
+    }
+    assert after(Decision("forbid", "ik", names[bone], limb)).banned_in("ik") == {
+        (tip, point): "forbid"
+    }
+
+
+@pytest.mark.parametrize("mode", MODES)
+def test_the_trunk_belongs_to_no_limb_and_says_so(mode: Mode) -> None:
+    with pytest.raises(BadDecisionError, match="belongs to the trunk"):
+        after(lock("chest", "arm.R", mode))
+
+
+def test_a_limb_that_was_given_away_is_not_given_again() -> None:
+    with pytest.raises(BadDecisionError, match="drives another limb already"):
+        after(lock("wing.L", "arm.R"), lock("wing_tip.R", "arm.R"))
+    both = after(lock("wing.L", "arm.R"), Decision("set", "fk", "wing_tip.R", "arm.R"))
+    assert both.limbs == {"wing.L": ("arm.R", "lock"), "wing.R": ("arm.R", "set")}
+    master = after(group("wings", "wing_tip.L", "wing_tip.R"), lock("wing.L", "arm.R", "ik"))
+    assert master.kept_in("ik") == {"wings": ("hand.R", "lock")}
+
+
+def test_a_later_word_on_a_limb_replaces_an_earlier_one_on_it_or_its_bones() -> None:
+    assert after(lock("wing.L", "arm.R"), lock("wing_tip.L", "leg.L")).limbs == {
+        "wing.L": ("leg.L", "lock")
+    }
+    forbidden = after(lock("wing_tip.L", "hand.L"), Decision("forbid", "fk", "wing.L", "arm.L"))
+    assert not forbidden.kept
+    allowed = after(Decision("forbid", "fk", "wing.L", "arm.L"), lock("wing_tip.L", "hand.L"))
+    assert not allowed.banned
+    assert after(lock("wing.L", "arm.R"), Decision("clear", "fk", "wing_tip.L")) == Verdicts()
+
+
+@pytest.mark.parametrize(
+    "step",
+    [
+        [lock("wing.L", "arm.R"), lock("wing_tip.L", "leg.R")],
+        [lock("wing_tip.L", "hand.L"), Decision("forbid", "fk", "wing_mid.L", "arm.L")],
+        [lock("wing.L", "arm.R"), Decision("forbid", "fk", "wing_tip.L", "arm.R")],
+        [lock("wing_tip.L", "arm.R", "ik"), Decision("forbid", "ik", "wing_tip.L", "hand.R")],
+        [lock("wing_tip.L", "hand.R", "ik"), Decision("forbid", "ik", "wing.L", "arm.R")],
+        [lock("wing_tip.L", "hand.R", "ik"), lock("wing.L", "leg.L", "ik")],
+    ],
+)
+def test_words_on_a_limb_and_its_bones_at_once_must_agree(step: list[Decision]) -> None:
+    for order in (step, step[::-1]):
+        with pytest.raises(BadDecisionError):
+            check_together(order, SEAGULL)
 
 
 # -- masters ----------------------------------------------------------------------------------
@@ -171,12 +222,14 @@ def test_a_master_can_be_made_anew_with_other_members() -> None:
 @pytest.mark.parametrize(
     ("acts", "says", "found"),
     [
-        ([group("tail", "wing_tip.L", "wing_tip.R")], "name that no bone has", "'tail'"),
-        ([group("", "wing_tip.L", "wing_tip.R")], "name that no bone has", "''"),
+        ([group("tail", "wing_tip.L", "wing_tip.R")], "name of a bone", "tail"),
+        ([group("", "wing_tip.L", "wing_tip.R")], "needs a name", "''"),
         ([group("wings", "wing_tip.L")], "two or more", "wing_tip.L"),
         ([group("wings")], "two or more", "none"),
         ([group("wings", "tail", "tail")], "two or more", "tail, tail"),
         ([group("wings", "tail", "beak")], "no such bone", "beak"),
+        ([group("all", "pelvis", "tail")], "a root goes where", "pelvis"),
+        ([group("wing", "wing.L", "wing_tip.L")], "hangs on it", "wing.L and wing_tip.L"),
         (
             [group("a", "wing_tip.L", "wing_tip.R"), group("b", "wing_tip.R", "tail")],
             "belongs to another master",
@@ -289,7 +342,8 @@ def test_saying_the_same_again_is_no_contradiction() -> None:
 def test_two_partners_at_once_are_an_error_that_names_both(first: Act, second: Act) -> None:
     with pytest.raises(BadDecisionError) as error:
         check_together(
-            [Decision(first, "fk", "tail", "head"), Decision(second, "fk", "tail", "chest")]
+            [Decision(first, "fk", "tail", "head"), Decision(second, "fk", "tail", "chest")],
+            SEAGULL,
         )
     told = str(error.value)
     assert all(word in told for word in ("tail", "head", "chest"))
@@ -301,7 +355,7 @@ def test_a_pair_kept_and_ruled_out_at_once_is_an_error_that_names_it(
 ) -> None:
     both = [Decision(keeps, "fk", "tail", "head"), Decision(bans, "fk", "tail", "head")]
     with pytest.raises(BadDecisionError) as error:
-        check_together(both[::-1] if ban_first else both)
+        check_together(both[::-1] if ban_first else both, SEAGULL)
     assert "tail" in str(error.value)
     assert "head" in str(error.value)
 
@@ -388,7 +442,7 @@ class History(RuleBasedStateMachine):
     def decide(self, step: list[Decision]) -> None:
         state = self.done[-1]
         try:
-            check_together(step)
+            check_together(step, SEAGULL, state.masters)
             for act in step:
                 state = state.with_act(act, SEAGULL)
         except BadDecisionError:

@@ -16,12 +16,16 @@ from hypothesis import strategies as st
 from puppet.armature import Armature, Movement
 from puppet.errors import BadDecisionError
 from puppet.mapping.anatomy import anatomy
-from puppet.mapping.decisions import Decision, Verdicts
-from puppet.mapping.effectors import effectors_of, propose_effectors
+from puppet.mapping.decisions import Decision
+from puppet.mapping.effector_rows import effector_table
+from puppet.mapping.effectors import propose_effectors
 from puppet.mapping.evidence import gather
 from puppet.mapping.human import CONTROL_POINTS, HUMAN_LIMBS, LIMB_NAMES
+from puppet.mapping.masters import master_problem
+from puppet.mapping.offers import fresh_name
 from puppet.mapping.preferences import LimbName, Preferences
 from puppet.mapping.proposal import Proposal
+from puppet.mapping.verdicts import Verdicts
 from puppet.skeleton import HUMAN_BONE_NAMES
 from tests.armatures import armature_of, armatures
 from tests.mapping_claims import check_possible, check_reasons, check_sound, decided, pairs_of
@@ -131,11 +135,32 @@ def test_proposals_come_by_their_greatest_pair_then_by_the_next(armature: Armatu
     scores = evidence.scores[evidence.allowed]
     if len(np.unique(scores)) < len(scores):
         return
-    words = [
-        sorted((round(pair.score, 9) for pair in proposal.pairs), reverse=True)
-        for proposal in propose_effectors(armature, k=6)
-    ]
-    assert words == sorted(words, reverse=True)
+    words: dict[bool, list[list[float]]] = {False: [], True: []}
+    proposals = propose_effectors(armature, k=6)
+    for proposal in proposals:
+        word = sorted((round(pair.score, 9) for pair in proposal.pairs), reverse=True)
+        words[leaves_one_out(proposal)].append(word)
+    for kind in words.values():
+        assert kind == sorted(kind, reverse=True)
+    left_out = [leaves_one_out(proposal) for proposal in proposals]
+    assert left_out == sorted(left_out), "what leaves an effector out is no real alternative"
+
+
+def leaves_one_out(proposal: Proposal) -> bool:
+    """Whether an effector is left that a control point could move that is left too."""
+    evidence = gather(proposal.armature, pieces=False)
+    used = {pair.human for pair in proposal.pairs}
+    free = [i for i, human in enumerate(HUMAN_LIMBS) if human.tip not in used]
+    return any(
+        evidence.allowed[row, free].any()
+        for row, found in enumerate(evidence.limbs)
+        if proposal.armature.names[found.bones[-1]] in proposal.unmapped
+    )
+
+
+def test_other_choices_for_a_dog_use_every_control_point_too() -> None:
+    for proposal in propose_effectors(shipped("dog").armature, k=6):
+        assert set(by_name(proposal).values()) == set(CONTROL_POINTS)
 
 
 @given(any_armature, st.data())
@@ -234,9 +259,11 @@ def test_a_master_scores_what_its_members_score_on_average(
     members = data.draw(
         st.lists(st.sampled_from(sorted(rows)), min_size=2, max_size=4, unique=True)
     )
+    if master_problem("handle", members, armature) is not None:
+        return
     verdicts = decide(armature, group("handle", *members))
     singles = {name for name in rows if name not in members}
-    assert {e.name for e in effectors_of(evidence, verdicts)} == {"handle", *singles}
+    assert {e.name for e in effector_table(evidence, verdicts).rows} == {"handle", *singles}
     for proposal in propose_effectors(evidence, verdicts, 4):
         check_reasons(proposal)
         names = {pair.name for pair in proposal.pairs} | set(proposal.unmapped)
@@ -335,6 +362,38 @@ def test_what_is_joined_is_on_one_side(pairs: int) -> None:
     """Two left legs can step together; a left one and a right one would kick."""
     for offer in propose_effectors(beetle(pairs))[0].offers:
         assert len({name[-1] for name in offer.effectors}) == 1
+
+
+@pytest.mark.parametrize(
+    ("effectors", "side", "name"),
+    [
+        (("wing_tip.L", "wing_tip.R"), "", "wing_tip"),
+        (("leg0_1.L", "leg3_1.L"), "L", "leg.L"),
+        (("leg.L", "leg.L.2"), "L", "leg.L"),
+        (("b_RightHand_08", "b_Tail03_014"), "", "master_b_RightHand_08"),
+        (("FF.R", "FF.L"), "", "master_FF.R"),
+        (("b57", "b5"), "L", "master_b57"),
+        (("taken_1", "taken_2"), "", "master_taken"),
+        (("x1", "x2"), "", "master_x1_2"),
+    ],
+)
+def test_an_offered_master_has_a_name_that_says_something(
+    effectors: tuple[str, ...], side: str, name: str
+) -> None:
+    assert fresh_name(effectors, side, {"taken", "master_x1", "other"}) == name
+
+
+@given(creatures(), st.data())
+def test_what_is_remembered_of_an_armature_does_not_leak_into_other_decisions(
+    armature: Armature, data: st.DataObject
+) -> None:
+    """Whatever was asked before, the answer is that of a fresh start."""
+    evidence = gather(armature, pieces=False)
+    asked = [data.draw(decided(armature, "ik")) for _ in range(3)]
+    for verdicts in (*asked, *asked):
+        seen = propose_effectors(evidence, verdicts, 2)
+        fresh = propose_effectors(gather(armature, pieces=False), verdicts, 2)
+        assert [p.as_json(explain=True) for p in seen] == [p.as_json(explain=True) for p in fresh]
 
 
 @given(any_armature)

@@ -18,12 +18,13 @@ from hypothesis import strategies as st
 
 from puppet.armature import Armature
 from puppet.mapping.anatomy import anatomy
-from puppet.mapping.decisions import Decision, Verdicts
+from puppet.mapping.decisions import Decision
 from puppet.mapping.evidence import gather
 from puppet.mapping.forward import propose_forward
 from puppet.mapping.human import HUMAN_LIMBS, LIMB_NAMES
 from puppet.mapping.preferences import LimbName, Preferences
 from puppet.mapping.proposal import Mode
+from puppet.mapping.verdicts import Verdicts
 from tests.armatures import armature_of, armatures
 from tests.mapping_claims import check_possible, check_reasons, check_sound, decided, pairs_of
 from tests.rig_changes import (

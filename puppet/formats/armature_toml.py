@@ -40,6 +40,7 @@ from puppet.armature import Armature, Movement
 from puppet.errors import BadFileError
 from puppet.formats.model import MODEL_SUFFIXES, load_model
 from puppet.kernel import frozen
+from puppet.mapping.masters import master_problem
 from puppet.mapping.preferences import Preferences
 from puppet.mapping.symmetry import facing
 from puppet.mesh import Mesh, Model
@@ -189,14 +190,17 @@ def load_traits(path: Path, armature: Armature) -> Traits:
         where = f"{path}: masters.{master}"
         for name in effectors:
             _check_bone(name, where, armature)
-        if len(effectors) < 2 or len(set(effectors)) < len(effectors):
-            raise BadFileError(
-                "a master drives two or more different bones",
-                where=where,
-                found=", ".join(effectors) or "none",
-            )
-        if master in armature.names:
-            raise BadFileError("a master cannot have the name of a bone", where=where, found=master)
+        problem = master_problem(master, effectors, armature)
+        if problem is not None:
+            raise BadFileError(problem[0], where=where, found=problem[1])
+        for other, its in file.masters.items():
+            shared = sorted(set(its) & set(effectors))
+            if other != master and shared:
+                raise BadFileError(
+                    "two masters drive the same bone",
+                    where=where,
+                    found=f"{', '.join(shared)}, also of {other}",
+                )
     bones = {
         name: _convert(values, BoneTraits, f"{path}: bones.{name}")
         for name, values in file.bones.items()

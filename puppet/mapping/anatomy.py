@@ -59,6 +59,27 @@ class Anatomy:
         """Whether any limb is a left or a right one."""
         return any(limb.side for limb in self.limbs)
 
+    @property
+    def pieces(self) -> tuple[Limb, ...]:
+        """The limbs as FK drives them: a lone chain of more than three bones is cut into its last
+        three, for one arm, and the others, for the other arm."""
+        if self.trunk or len(self.limbs) != 1 or len(self.limbs[0].bones) <= 3:
+            return self.limbs
+        whole = self.limbs[0]
+        return (
+            replace(whole, bones=whole.bones[-3:]),
+            replace(whole, bones=whole.bones[:-3]),
+        )
+
+
+def limb_rows(armature: Armature, limbs: Sequence[Limb]) -> dict[int, int]:
+    """For each bone of a limb, and each that branches off one, the place of that limb."""
+    owner = {bone: row for row, limb in enumerate(limbs) for bone in limb.bones}
+    for bone, parent in enumerate(armature.parents):
+        if bone not in owner and int(parent) in owner:
+            owner[bone] = owner[int(parent)]
+    return owner
+
 
 @lru_cache(maxsize=64)
 def anatomy(armature: Armature) -> Anatomy:

@@ -21,12 +21,12 @@ from puppet.formats.armature_toml import load_puppet
 from puppet.formats.model import MODEL_SUFFIXES
 from puppet.mapping.blocks import NEVER, combined_block, similarity_block
 from puppet.mapping.confidence import LIKELY, SURE
-from puppet.mapping.decisions import Verdicts
 from puppet.mapping.human import HUMAN, HUMAN_LIMBS
 from puppet.mapping.proposal import Mode, Pair, Proposal
 from puppet.mapping.ranking import best_first, hungarian
 from puppet.mapping.service import Rig
 from puppet.mapping.truth import Judged, ModeTruth, Truth, check_names, judge, load_truth
+from puppet.mapping.verdicts import Verdicts
 
 ENDING: Final = ".truth.toml"
 Dress = Literal["as it is", "without names"]

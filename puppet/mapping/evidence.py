@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Final
 
 import numpy as np
@@ -17,7 +18,7 @@ from numpy.typing import ArrayLike
 
 from puppet.armature import Armature
 from puppet.kernel import Floats, frozen
-from puppet.mapping.anatomy import Anatomy, Limb, anatomy
+from puppet.mapping.anatomy import Anatomy, Limb, anatomy, limb_rows
 from puppet.mapping.blocks import constraints_of, path_block, similarity_block, symmetry_block
 from puppet.mapping.body_axis import body_axis, cosine, forwardness, way_of
 from puppet.mapping.human import HUMAN, HUMAN_LIMBS, HumanLimb
@@ -35,7 +36,7 @@ _EQUAL: Final = 1e-4
 _UPPER: Final = 3
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class Evidence:
     """Worked out once for an armature; decisions do not change it.
 
@@ -54,6 +55,11 @@ class Evidence:
     parts: Floats
     allowed: np.ndarray
     follows: Floats
+
+    @cached_property
+    def row_of_bone(self) -> dict[int, int]:
+        """For each bone of a limb, and each that branches off one, the row of that limb."""
+        return limb_rows(self.armature, self.limbs)
 
     @property
     def scores(self) -> Floats:
@@ -80,7 +86,7 @@ def gather(
     """
     preferences = preferences or Preferences()
     shape = anatomy(armature)
-    limbs = _pieces(shape) if pieces else shape.limbs
+    limbs = shape.pieces if pieces else shape.limbs
     bones = _over_bones(armature)
     parts = np.zeros((len(PARTS), len(limbs), len(HUMAN_LIMBS)))
     for row, limb in enumerate(limbs):
@@ -108,15 +114,6 @@ def gather(
         allowed,
         frozen(np.zeros(len(armature)) if follows is None else follows),
     )
-
-
-def _pieces(shape: Anatomy) -> Sequence[Limb]:
-    """A lone chain of more than three bones: the last three, the three before them, the rest."""
-    if shape.trunk or len(shape.limbs) != 1 or len(shape.limbs[0].bones) <= 3:
-        return shape.limbs
-    whole = shape.limbs[0]
-    cuts = [whole.bones[-3:], whole.bones[:-3]]
-    return [Limb(bones, whole.side, whole.hub, whole.reach) for bones in cuts]
 
 
 def _over_bones(armature: Armature) -> Floats:

@@ -53,8 +53,13 @@ def _rounded(values: Floats) -> tuple[float, ...]:
 
 def fingerprint(armature: Armature) -> str:
     """16 hexadecimal digits: the same for the same names, parents and rest pose."""
-    records = [[name, bone.parent, *bone.rest] for name, bone in bone_records(armature).items()]
-    return hashlib.sha256(json.dumps(records).encode()).hexdigest()[:16]
+    return digest(bone_records(armature))
+
+
+def digest(records: Mapping[str, BoneRecord]) -> str:
+    """The fingerprint of an armature with these bones."""
+    rows = [[name, bone.parent, *bone.rest] for name, bone in records.items()]
+    return hashlib.sha256(json.dumps(rows).encode()).hexdigest()[:16]
 
 
 def differences(was: Mapping[str, BoneRecord], now: Mapping[str, BoneRecord]) -> Iterator[str]:

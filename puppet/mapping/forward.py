@@ -25,13 +25,21 @@ import numpy as np
 from puppet.armature import Armature
 from puppet.kernel import Floats
 from puppet.mapping.alignment import aligned, overlap
-from puppet.mapping.decisions import Act, Verdicts
+from puppet.mapping.decisions import Act
 from puppet.mapping.evidence import Evidence, gather
-from puppet.mapping.human import HUMAN, HUMAN_LIMBS, LIMB_NAMES, SPINE, WHOLE_LIMBS
+from puppet.mapping.human import (
+    HUMAN,
+    HUMAN_LIMBS,
+    LIMB_NAMES,
+    LIMB_OF_BONE,
+    SPINE,
+    WHOLE_LIMBS,
+)
 from puppet.mapping.limb_choice import LimbChoice, choices
 from puppet.mapping.pair_reasons import Reasoning
 from puppet.mapping.proposal import Proposal
 from puppet.mapping.ranking import Assignment, hungarian
+from puppet.mapping.verdicts import Verdicts
 from puppet.skeleton import HUMAN_BONE_NAMES
 
 _HEAD: Final = LIMB_NAMES.index("head")
@@ -51,7 +59,7 @@ def propose_forward(
     """
     evidence = source if isinstance(source, Evidence) else gather(source)
     verdicts = verdicts or Verdicts()
-    limbs = choices(evidence, verdicts, "fk")
+    limbs = choices(evidence, verdicts)
     found: dict[tuple[tuple[int, int], ...], Proposal] = {}
     # Two assignments of limbs may come to the same pairs of bones, where limbs were fully decided.
     for merit, assignment in islice(limbs.ranked(hungarian), 4 * k + 4):
@@ -81,16 +89,26 @@ class _Builder:
         self.kept: dict[int, tuple[int, Act]] = {
             index(bone): (HUMAN_BONE_NAMES.index(human), act)
             for bone, (human, act) in self.verdicts.kept_in("fk").items()
-            if human not in WHOLE_LIMBS
         }
         self.banned: dict[tuple[int, int], Act] = {
             (index(bone), HUMAN_BONE_NAMES.index(human)): act
             for (bone, human), act in self.verdicts.banned_in("fk").items()
             if human not in WHOLE_LIMBS
         }
-        left_out = self.evidence.preferences.leave_out
+        # What was decided of whole limbs: where they go, and where they may not.
+        whole = {row: column for row, (column, _) in self.limbs.whole.items()}
+        self.assignment = tuple(sorted({**dict(self.assignment), **whole}.items()))
+        rows = self.evidence.row_of_bone
+        self.closed = {
+            (rows[index(bone)], LIMB_NAMES.index(human))
+            for bone, human in self.verdicts.banned_in("fk")
+            if human in WHOLE_LIMBS and index(bone) in rows
+        }
         self.left_out = {
-            bone for limb in HUMAN_LIMBS if limb.name in left_out for bone in limb.bones
+            bone
+            for column, limb in enumerate(HUMAN_LIMBS)
+            if limb.name in self.evidence.preferences.leave_out and column not in whole.values()
+            for bone in limb.bones
         }
 
     def proposal(self, merit: float) -> Proposal:
@@ -107,8 +125,8 @@ class _Builder:
                 armature.names[bone],
                 (bone,),
                 human,
-                self.kept.get(bone, (-1, ""))[1],
-                self.left_out | {other for its, other in self.banned if its == bone},
+                self._decided(bone, human),
+                {other for other in range(len(HUMAN)) if not self._allowed(bone, other)},
             )
             for bone, (human, why) in sorted(self.chosen.items())
         )
@@ -126,9 +144,26 @@ class _Builder:
         """Whether the pair may be proposed: it can move, and nobody decided otherwise."""
         if bone in self.kept:
             return self.kept[bone][0] == human
-        if not self.turns[bone] or human in self.left_out or (bone, human) in self.banned:
+        if not self.turns[bone] or not self._allowed(bone, human):
+            return False
+        whole = self.limbs.whole.get(self.evidence.row_of_bone.get(bone, -1))
+        if whole is not None and LIMB_OF_BONE.get(human) != whole[0]:
             return False
         return all(human != kept or act == "set" for kept, act in self.kept.values())
+
+    def _allowed(self, bone: int, human: int) -> bool:
+        """Whether nobody ruled the pair out, by itself or with its limbs."""
+        if human in self.left_out or (bone, human) in self.banned:
+            return False
+        limb = (self.evidence.row_of_bone.get(bone), LIMB_OF_BONE.get(human))
+        return limb not in self.closed
+
+    def _decided(self, bone: int, human: int) -> str:
+        """The operator's word on a pair, or on the limbs that it belongs to."""
+        if bone in self.kept:
+            return self.kept[bone][1]
+        column, act = self.limbs.whole.get(self.evidence.row_of_bone.get(bone, -1), (-1, ""))
+        return act if LIMB_OF_BONE.get(human) == column else ""
 
     def _worth(self, bone: int, human: int, worth: float) -> float:
         if not self._possible(bone, human):

@@ -89,6 +89,8 @@ HUMAN_LIMBS: Final = _limbs()
 LIMB_NAMES: Final[tuple[str, ...]] = tuple(limb.name for limb in HUMAN_LIMBS)
 #: What says a whole limb and nothing else; "head" is a human bone and a control point too.
 WHOLE_LIMBS: Final = tuple(name for name in LIMB_NAMES if name not in HUMAN_BONE_NAMES)
+#: The column of each human bone's limb; pelvis and chest have none.
+LIMB_OF_BONE: Final = {bone: i for i, limb in enumerate(HUMAN_LIMBS) for bone in limb.bones}
 #: The names of the control points, in the order of the limbs whose tips they are.
 CONTROL_POINTS: Final = tuple(HUMAN_BONE_NAMES[limb.tip] for limb in HUMAN_LIMBS)
 SPINE: Final = tuple(HUMAN_BONE_NAMES.index(name) for name in ("pelvis", "chest", "head"))

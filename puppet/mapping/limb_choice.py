@@ -6,18 +6,19 @@ of this small matrix, so that the evidence behind it is never worked out again.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from puppet.kernel import Floats
-from puppet.mapping.decisions import BANS, KEEPS, Verdicts
+from puppet.mapping.decisions import Act
 from puppet.mapping.evidence import PARTS, TOPOLOGY, Evidence
-from puppet.mapping.human import HUMAN_LIMBS, LIMB_NAMES, WHOLE_LIMBS
+from puppet.mapping.human import HUMAN_LIMBS, LIMB_NAMES, LIMB_OF_BONE, WHOLE_LIMBS
 from puppet.mapping.pair_reasons import Reasoning
-from puppet.mapping.proposal import Mode, RunnerUp
+from puppet.mapping.proposal import RunnerUp
 from puppet.mapping.ranking import Assignment, Merit, Solver, hungarian, ranked, sum_of_powers
+from puppet.mapping.verdicts import Verdicts
 from puppet.skeleton import HUMAN_BONE_NAMES
 
 
@@ -26,6 +27,7 @@ class LimbChoice:
     """scores: (R, 5), 0..1. parts: (6, R, 5), their sums. allowed: (R, 5) after the decisions.
 
     possible: (R, 5) what could be if nothing were kept. evidence: what it was made from.
+    whole: rows that were decided about as a whole, their column and the act.
     """
 
     scores: Floats
@@ -33,6 +35,7 @@ class LimbChoice:
     allowed: np.ndarray
     possible: np.ndarray
     evidence: Evidence
+    whole: Mapping[int, tuple[int, Act]] = field(default_factory=dict)
 
     def ranked(self, solve: Solver) -> Iterator[tuple[Merit, Assignment]]:
         """Assignments, best first."""
@@ -80,37 +83,54 @@ class LimbChoice:
         return best - sum_of_powers(self.scores, hungarian(self.scores, without))[0]
 
 
-def choices(evidence: Evidence, verdicts: Verdicts, mode: Mode) -> LimbChoice:
-    """The limbs of an armature as rows."""
-    allowed = evidence.allowed.copy()
-    rows = {
-        evidence.armature.names[bone]: row
-        for row, limb in enumerate(evidence.limbs)
-        for bone in limb.bones
-    }
-    for (bone, human), act in verdicts.banned_in(mode).items():
-        if act in BANS and bone in rows and human in WHOLE_LIMBS:
-            allowed[rows[bone], LIMB_NAMES.index(human)] = False
-    _close_what_cannot_be_paired(evidence, verdicts, allowed, mode)
+def choices(evidence: Evidence, verdicts: Verdicts) -> LimbChoice:
+    """The limbs of an armature as rows, under FK."""
+    names = evidence.armature.names
+    rows = {names[bone]: row for bone, row in evidence.row_of_bone.items()}
+    closed = _closed(evidence, verdicts, rows)
+    allowed = evidence.allowed & ~closed
     possible = allowed.copy()
-    kept = {rows[bone] for bone in verdicts.kept_in(mode) if bone in rows}
-    for bone, (human, act) in verdicts.kept_in(mode).items():
+    # One correction, and the rest of the limb goes with it; what was said of the limb comes first.
+    led: dict[int, tuple[int, Act]] = {}
+    for bone, (human, act) in verdicts.kept_in("fk").items():
         column = limb_of(human)
-        if act not in KEEPS or bone not in rows or column is None:
-            continue
-        # One correction, and the rest of the limb goes with it.
-        row = rows[bone]
+        if column is not None and bone in rows:
+            led[rows[bone]] = (column, act)
+    whole = {rows[bone]: (LIMB_NAMES.index(h), act) for bone, (h, act) in verdicts.limbs.items()}
+    led.update(whole)
+    for row, (column, act) in led.items():
         allowed[row, :] = False
         if act != "set":
             allowed[:, column] = False
+    for row, (column, _) in led.items():
         allowed[row, column] = True
         across = _across(evidence, row, column)
-        if across is not None and across[0] not in kept:
+        if across is not None and across[0] not in led:
             other, free = across
             allowed[other, :] = False
             allowed[:, free] = False
-            allowed[other, free] = possible[other, column]
-    return LimbChoice(evidence.scores, evidence.parts, allowed, possible, evidence)
+            allowed[other, free] = bool(possible[other, column] and not closed[other, free])
+    return LimbChoice(evidence.scores, evidence.parts, allowed, possible, evidence, whole)
+
+
+def _closed(evidence: Evidence, verdicts: Verdicts, rows: dict[str, int]) -> np.ndarray:
+    """(L, 5) what was ruled out: as a whole, or pair by pair."""
+    closed = np.zeros(evidence.allowed.shape, bool)
+    banned = verdicts.banned_in("fk")
+    for name, limb_name in banned:
+        if limb_name in WHOLE_LIMBS and name in rows:
+            closed[rows[name], LIMB_NAMES.index(limb_name)] = True
+    if not banned:
+        return closed
+    names = evidence.armature.names
+    for row, limb in enumerate(evidence.limbs):
+        for column, human in enumerate(HUMAN_LIMBS):
+            closed[row, column] |= all(
+                (names[b], HUMAN_BONE_NAMES[h]) in banned
+                for b in limb.bones
+                for h in human.playable
+            )
+    return closed
 
 
 def _across(evidence: Evidence, row: int, column: int) -> tuple[int, int] | None:
@@ -130,24 +150,5 @@ def _across(evidence: Evidence, row: int, column: int) -> tuple[int, int] | None
 
 
 def limb_of(human: str) -> int | None:
-    """The column of a human bone, control point or limb; None for the trunk."""
-    if human in LIMB_NAMES:
-        return LIMB_NAMES.index(human)
-    bone = HUMAN_BONE_NAMES.index(human)
-    return next((i for i, limb in enumerate(HUMAN_LIMBS) if bone in limb.bones), None)
-
-
-def _close_what_cannot_be_paired(
-    evidence: Evidence, verdicts: Verdicts, allowed: np.ndarray, mode: Mode
-) -> None:
-    """A limb whose every pair with a human limb is banned does not go with it."""
-    banned = set(verdicts.banned_in(mode))
-    if not banned:
-        return
-    names = evidence.armature.names
-    for row, limb in enumerate(evidence.limbs):
-        for column, human in enumerate(HUMAN_LIMBS):
-            bones = limb.bones if mode == "fk" else limb.bones[-1:]
-            humans = human.playable if mode == "fk" else (human.tip,)
-            if all((names[b], HUMAN_BONE_NAMES[h]) in banned for b in bones for h in humans):
-                allowed[row, column] = False
+    """The column of a human bone's limb; None for the trunk."""
+    return LIMB_OF_BONE.get(HUMAN_BONE_NAMES.index(human))

@@ -26,13 +26,15 @@ from puppet.formats.mapping_file import (
     MappingFile,
     StepRow,
 )
-from puppet.mapping.decisions import LONGEST_HISTORY, Decision, Ledger, Verdicts
+from puppet.mapping.decisions import Decision
 from puppet.mapping.effectors import propose_effectors
 from puppet.mapping.evidence import Evidence, gather
-from puppet.mapping.fingerprint import BoneRecord, bone_records, differences, fingerprint
+from puppet.mapping.fingerprint import BoneRecord, bone_records, differences, digest
 from puppet.mapping.forward import propose_forward
+from puppet.mapping.ledger import LONGEST_HISTORY, Ledger
 from puppet.mapping.preferences import Preferences
 from puppet.mapping.proposal import Mode, Pair, Proposal
+from puppet.mapping.verdicts import Verdicts
 
 #: Proposals that are made at most at once.
 MOST_PROPOSALS = 50
@@ -54,7 +56,12 @@ class Rig:
     @cached_property
     def fingerprint(self) -> str:
         """The key of what is decided about it."""
-        return fingerprint(self.armature)
+        return digest(self.records)
+
+    @cached_property
+    def records(self) -> dict[str, BoneRecord]:
+        """What is kept of its bones beside what is decided about it."""
+        return bone_records(self.armature)
 
     def evidence(self, mode: Mode) -> Evidence:
         """Worked out once; a decision does not change it."""
@@ -126,9 +133,7 @@ class MappingService:
 
     def current(self, puppet: str) -> Proposal:
         """The mapping that drives a puppet now."""
-        with self._lock:
-            its = self._find(puppet)
-            return its.rig.propose(its.ledger.verdicts)[0]
+        return self._proposed(puppet)[0]
 
     def propose(self, puppet: str, mode: Mode | None = None, k: int = 1) -> list[Proposal]:
         """The k best mappings around what was decided. Raises BadDecisionError."""
@@ -139,9 +144,15 @@ class MappingService:
                 expected=f"1 to {MOST_PROPOSALS}",
                 found=str(k),
             )
+        return self._proposed(puppet, mode, k)
+
+    def _proposed(self, puppet: str, mode: Mode | None = None, k: int = 1) -> list[Proposal]:
+        # Neither a rig nor what held at an instant ever changes, so whoever decides meanwhile need
+        # not wait for many proposals.
         with self._lock:
             its = self._find(puppet)
-            return its.rig.propose(its.ledger.verdicts, mode, k)
+            rig, verdicts = its.rig, its.ledger.verdicts
+        return rig.propose(verdicts, mode, k)
 
     def decide(self, puppet: str, decisions: Iterable[Decision], who: str = "") -> Proposal:
         """Take decisions, as one step that can be undone. -> the mapping that follows
@@ -190,6 +201,12 @@ class MappingService:
 
         Raises BadDecisionError for a bone that is not there.
         """
+        return self.explained(puppet, bone, mode)[0]
+
+    def explained(
+        self, puppet: str, bone: str, mode: Mode | None = None
+    ) -> tuple[Pair | None, Proposal]:
+        """As `explain`, with the proposal that the pair belongs to."""
         proposal = self.propose(puppet, mode)[0]
         pair = next((pair for pair in proposal.pairs if pair.name == bone), None)
         if pair is None and bone not in (*proposal.armature.names, *proposal.unmapped):
@@ -199,7 +216,7 @@ class MappingService:
                 expected=f"one of {', '.join(proposal.armature.names)}",
                 found=bone,
             )
-        return pair
+        return pair, proposal
 
     def save(self) -> Path:
         """Write the file again, though every decision has done so. Raises UnavailableError."""
@@ -211,16 +228,24 @@ class MappingService:
     def load(self) -> tuple[str, ...]:
         """Read the file anew, as somebody edited it. -> warnings
 
-        Raises BadFileError for a file that makes no sense; then nothing has changed.
+        Raises BadFileError for a file that makes no sense, and BadDecisionError for one after which
+        nothing would drive a puppet any more; then nothing has changed.
         """
         with self._lock:
-            file = self._in_a_file().read()
-            self._puppets = {
+            kept = self._in_a_file()
+            file = kept.read()
+            puppets = {
                 name: _met(name, its.rig, its.mode, file, self._puppets)
                 for name, its in self._puppets.items()
             }
-            for name in self._puppets:
-                self._tell(name, self.current(name))
+            proposals = {
+                name: its.rig.propose(its.ledger.verdicts)[0] for name, its in puppets.items()
+            }
+            for name, proposal in proposals.items():
+                self._check_driven(self._puppets[name], proposal, f"{kept.path}: {name}")
+            self._puppets = puppets
+            for name, proposal in proposals.items():
+                self._tell(name, proposal)
             return tuple(text for its in self._puppets.values() for text in its.warnings)
 
     def _in_a_file(self) -> KeptMappings:
@@ -247,40 +272,41 @@ class MappingService:
                 error.where = error.where or puppet
                 raise
             proposal = its.rig.propose(ledger.verdicts)[0]
-            if not proposal.pairs and its.rig.propose(its.ledger.verdicts)[0].pairs:
-                _refuse_stillness(puppet, proposal.mode)
+            self._check_driven(its, proposal, puppet)
             if self._kept is not None:
                 self._kept.put(_entry(its, ledger))
             its.ledger = ledger
             self._tell(puppet, proposal)
             return proposal
 
+    @staticmethod
+    def _check_driven(was: _Puppet, proposal: Proposal, where: str) -> None:
+        """Raises BadDecisionError if nothing would drive any more what something drives now."""
+        if proposal.pairs or not was.rig.propose(was.ledger.verdicts)[0].pairs:
+            return
+        # A show in which nothing drives a puppet does not start: this would be the end of it.
+        raise BadDecisionError(
+            "then nothing would drive this puppet any more",
+            where=where,
+            hint='IK needs a chain of two bones or more: drive it by "fk"'
+            if proposal.mode == "ik"
+            else "leave it at least one pair",
+        )
+
     def _tell(self, puppet: str, proposal: Proposal) -> None:
         if self.on_change is not None:
             self.on_change(puppet, proposal)
 
 
-def _refuse_stillness(puppet: str, mode: Mode) -> None:
-    # A show in which nothing drives a puppet does not start: this would be the end of it.
-    raise BadDecisionError(
-        "then nothing would drive this puppet any more",
-        where=puppet,
-        hint='IK needs a chain of two bones or more: drive it by "fk"'
-        if mode == "ik"
-        else "leave it at least one pair",
-    )
-
-
 def _met(name: str, rig: Rig, mode: Mode, file: MappingFile, others: Collection[str]) -> _Puppet:
     """A puppet with what was decided of its rig, or of the rig that had its name."""
     fresh = Verdicts(mode, masters=dict(rig.masters))
-    now = bone_records(rig.armature)
     entry = file.entry(name, rig.fingerprint, others)
     changes: list[str] = []
     if entry is None:
         # A namesake that is the same but for rounding is the same.
         namesakes = [
-            (list(differences(_records(entry), now)), entry)
+            (list(differences(_records(entry), rig.records)), entry)
             for entry in file.puppets[::-1]
             if entry.puppet == name
         ]
@@ -307,12 +333,14 @@ def _entry(its: _Puppet, ledger: Ledger) -> Entry:
         mode=start.mode if folded else None,
         holds=ledger.cursor,
         steps=tuple(StepRow(step) for step in ledger.steps),
-        kept=tuple(KeptRecord(m, b, human, act) for (m, b), (human, act) in start.kept.items()),
+        kept=(
+            *(KeptRecord(m, b, human, act) for (m, b), (human, act) in start.kept.items()),
+            *(KeptRecord("fk", b, limb, act) for b, (limb, act) in start.limbs.items()),
+        ),
         banned=tuple(KeptRecord(m, b, human, act) for (m, b, human), act in start.banned.items()),
         masters=dict(start.masters) if folded else {},
         bones=tuple(
-            BoneRow(bone, record.parent, record.rest)
-            for bone, record in bone_records(its.rig.armature).items()
+            BoneRow(bone, record.parent, record.rest) for bone, record in its.rig.records.items()
         ),
     )
 
