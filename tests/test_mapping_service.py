@@ -16,9 +16,10 @@ from puppet.errors import BadDecisionError, BadFileError, PuppetError
 from puppet.formats.armature_toml import load_puppet
 from puppet.formats.mapping_file import read_mappings
 from puppet.mapping.decisions import Decision
-from puppet.mapping.human import LIMB_NAMES
+from puppet.mapping.fingerprint import BoneRecord, bone_records
 from puppet.mapping.proposal import Mode, Proposal
 from puppet.mapping.service import MOST_PROPOSALS, MappingService, Rig
+from puppet.mapping.verdicts import Verdicts
 from puppet.skeleton import HUMAN_BONE_NAMES
 from tests.shows import ARMATURES, REPOSITORY
 
@@ -162,12 +163,12 @@ def test_each_change_is_told_once_before_the_answer_and_after_the_disk(
         ([lock("fin.R", "hand.L"), Decision("forbid", "fk", "fin.R", "hand.L")], "and forbidden"),
         ([lock("fin.R", "hand.L"), lock("fin.X", "hand.R")], "no such bone"),
         ([Decision("ungroup", "ik", "wings")], "no such master"),
-        ([Decision("group", "ik", "fin.R", effectors=("dorsal", "head"))], "no bone has"),
-        ([Decision("group", "ik", "", effectors=("dorsal", "head"))], "no bone has"),
-        ([Decision("group", "ik", "fins", effectors=("dorsal",))], "two or more bones"),
+        ([Decision("group", "ik", "fin.R", effectors=("dorsal", "head"))], "name of a bone"),
+        ([Decision("group", "ik", "", effectors=("dorsal", "head"))], "needs a name"),
+        ([Decision("group", "ik", "fins", effectors=("dorsal",))], "two or more different"),
         ([Decision("group", "ik", "fins", effectors=("dorsal", "x"))], "no such bone"),
         ([Decision("forbid", "fk", bone, limb) for bone in rig("fish").armature.names
-          for limb in (*HUMAN_BONE_NAMES, *LIMB_NAMES)], "nothing would drive"),
+          for limb in HUMAN_BONE_NAMES], "nothing would drive"),
     ],
 )  # fmt: skip
 def test_a_refused_decision_changes_nothing(
@@ -361,6 +362,85 @@ def test_loading_a_broken_file_leaves_all_as_it_was(
     assert snapshot(service) == before
 
 
+def test_a_file_after_which_a_puppet_would_stand_still_is_refused_whole(
+    service: MappingService, path: Path, heard: Heard
+) -> None:
+    service.decide("fish", [lock("fin.R", "hand.L")])
+    service.decide("lamp", [lock("shade", "hand.L")])
+    before, told = snapshot(service), len(heard.changes)
+    bones = rig("lamp").armature.names
+    rows = ", ".join(
+        f'{{act = "forbid", mode = "fk", bone = "{bone}", human = "{human}"}}'
+        for bone in bones
+        for human in HUMAN_BONE_NAMES
+    )
+    edited = path.read_text().replace('human = "hand.L"', 'human = "hand.R"', 1)
+    head, lamp = edited.split('puppet = "lamp"')
+    steps = lamp.split("steps = [\n")[1].split("\n]\n")[0]
+    lamp = lamp.replace(steps, f"    {{decisions = [{rows}]}},")
+    path.write_text(f'{head}puppet = "lamp"{lamp}')
+    with pytest.raises(BadDecisionError, match="nothing would drive") as caught:
+        service.load()
+    assert caught.value.where == f"{path}: lamp"
+    assert snapshot(service) == before, "the edit of the fish was taken over, and not the lamp's"
+    assert len(heard.changes) == told
+
+
+def test_many_proposals_do_not_hold_up_a_decision(monkeypatch: pytest.MonkeyPatch) -> None:
+    service = MappingService({"fish": rig("fish")})
+    begun, goes_on = threading.Event(), threading.Event()
+    propose = Rig.propose
+
+    def slowly(self: Rig, verdicts: Verdicts, mode: Mode | None = None, k: int = 1) -> object:
+        if k > 1:
+            begun.set()
+            assert goes_on.wait(30.0)
+        return propose(self, verdicts, mode, k)
+
+    monkeypatch.setattr(Rig, "propose", slowly)
+    found: list[list[Proposal]] = []
+    asks = threading.Thread(target=lambda: found.append(service.propose("fish", k=3)))
+    asks.start()
+    assert begun.wait(30.0)
+    decides = threading.Thread(target=lambda: service.decide("fish", [lock("head", "hand.L")]))
+    decides.start()
+    decides.join(30.0)
+    waited = decides.is_alive()
+    goes_on.set()
+    asks.join(30.0)
+    decides.join(30.0)
+    assert not waited
+    # The answer is of the instant at which it was asked for.
+    assert partners(found[0][0])["head"] == "head"
+    assert partners(service.current("fish"))["head"] == "hand.L"
+
+
+def test_a_pair_is_explained_with_the_proposal_that_it_is_of(service: MappingService) -> None:
+    pair, proposal = service.explained("fish", "fin.R", "ik")
+    assert pair is None
+    assert proposal.mode == "ik"
+    pair, proposal = service.explained("fish", "fin.R")
+    assert pair in proposal.pairs
+
+
+def test_bones_are_looked_at_once_for_all_decisions(
+    path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    looked = []
+
+    def records(armature: Armature) -> dict[str, BoneRecord]:
+        looked.append(armature.name)
+        return bone_records(armature)
+
+    monkeypatch.setattr("puppet.mapping.service.bone_records", records)
+    fresh = Rig(rig("fish").armature)
+    service = MappingService({"fish": fresh}, path=path)
+    for human in ("hand.L", "hand.R", "head"):
+        service.decide("fish", [lock("fin.R", human)])
+    service.load()
+    assert looked == ["fish"]
+
+
 def test_the_shows_mode_holds_until_another_was_decided(path: Path) -> None:
     service = MappingService({"fish": rig("fish")}, {"fish": "ik"}, path)
     assert service.current("fish").mode == "ik"
@@ -418,6 +498,7 @@ from pathlib import Path
 from puppet.formats.armature_toml import load_puppet
 from puppet.formats.mapping_file import read_mappings
 from puppet.mapping.decisions import Decision
+from puppet.mapping.fingerprint import BoneRecord, bone_records
 from puppet.mapping.service import MappingService, Rig
 
 path, model, kills = Path(sys.argv[1]), Path(sys.argv[2]), int(sys.argv[3])

@@ -80,11 +80,8 @@ def _proposals(proposals: list[Proposal]) -> dict[str, Any]:
 
 
 def _explanation(service: MappingService, request: ExplainRequest) -> dict[str, Any]:
-    pair = service.explain(request.puppet, request.bone, request.mode)
-    if pair is None:
-        return {"pair": None}
-    proposal = service.propose(request.puppet, request.mode)[0]
-    return {"pair": pair_json(pair, proposal, explain=True)}
+    pair, proposal = service.explained(request.puppet, request.bone, request.mode)
+    return {"pair": pair and pair_json(pair, proposal, explain=True)}
 
 
 def _history(service: MappingService, puppet: str) -> dict[str, Any]:
