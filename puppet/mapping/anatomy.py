@@ -19,6 +19,7 @@ from typing import Final
 import numpy as np
 
 from puppet.armature import Armature, Side
+from puppet.kernel import Floats
 from puppet.mapping.symmetry import sides_of
 
 #: A chain shorter than this share of the longest one is a twig; one at a side, of the longest
@@ -89,7 +90,7 @@ def anatomy(armature: Armature) -> Anatomy:
     if not lengths.any():  # a bare hierarchy: every bone is as long as any other
         lengths = np.ones(len(armature))
     plain = _split(armature, sides, lengths, frozenset())
-    longest = max(limb.reach for limb in plain.limbs)
+    longest = _longest_way(armature, plain, lengths)
     widest = max((limb.reach for limb in plain.limbs if limb.side), default=0.0)
     short = [
         limb
@@ -103,6 +104,16 @@ def anatomy(armature: Armature) -> Anatomy:
     bare = _split(armature, sides, lengths, left_out)
     marked = tuple(replace(limb, is_twig=True) for limb in twigs)
     return Anatomy(bare.trunk, (*bare.limbs, *marked), sides)
+
+
+def _longest_way(armature: Armature, shape: Anatomy, lengths: Floats) -> float:
+    """Metres from where the body begins to its furthest tip: what a tongue is short against."""
+    ways = np.array(lengths)
+    for bone in reversed(range(len(armature))):
+        ways[bone] += max((ways[child] for child in armature.children[bone]), default=0.0)
+    starts = [child for bone in shape.trunk for child in armature.children[bone]]
+    starts += [limb.bones[0] for limb in shape.limbs]
+    return float(ways[starts].max())
 
 
 def _goes_on(limb: Limb, shape: Anatomy, short: Sequence[Limb]) -> bool:
@@ -120,7 +131,7 @@ def _twins(limb: Limb, shape: Anatomy) -> list[Limb]:
 
 
 def _split(
-    armature: Armature, sides: tuple[Side, ...], lengths: np.ndarray, left_out: frozenset[int]
+    armature: Armature, sides: tuple[Side, ...], lengths: Floats, left_out: frozenset[int]
 ) -> Anatomy:
     count = len(armature)
     children = [

@@ -32,6 +32,8 @@ TOPOLOGY, GEOMETRY, PREFERENCE = 0.25, 0.65, 0.1
 MIDDLE: Final = 0.12
 #: What decides between limbs that are equal otherwise: the longer ones.
 _EQUAL: Final = 1e-4
+#: What a tongue or an ear loses, so that it is looked at last.
+_TWIG: Final = 0.3
 #: Head and hands.
 _UPPER: Final = 3
 
@@ -170,7 +172,7 @@ def _geometry(armature: Armature, shape: Anatomy, limbs: Sequence[Limb]) -> Floa
                 onwards = 0.5 if axis is None else 0.5 + 0.5 * cosine(way_of(armature, limb), axis)
                 parts = (0.2 * cover, 0.4 * ahead[row], 0.4 * onwards)
             # Of limbs that are as good in all that, left and right must be a pair.
-            scores[row, column] = sum(parts) - _EQUAL * (1.0 - reach)
+            scores[row, column] = sum(parts) - _EQUAL * (1.0 - reach) - _TWIG * limb.is_twig
     return scores
 
 
@@ -203,7 +205,8 @@ def _allowed(
     """
     allowed = np.zeros((len(limbs), len(HUMAN_LIMBS)), bool)
     turns = [movement == "turn" for movement in armature.movements]
-    legs_too = not shape.has_sides and len(limbs) > _UPPER
+    real = [limb for limb in limbs if not limb.is_twig]
+    legs_too = not shape.has_sides and len(real) > _UPPER
     for row, limb in enumerate(limbs):
         for column, human in enumerate(HUMAN_LIMBS):
             allowed[row, column] = (
