@@ -404,11 +404,11 @@ def test_poses_are_continuous(name: str, grounded: bool) -> None:
 
 
 @pytest.mark.parametrize("name", WITH_LEGS)
-@given(way=st.tuples(st.floats(-0.08, 0.08), st.floats(-0.12, 0.02), st.floats(-0.08, 0.08)))
+@given(way=st.tuples(st.floats(-0.06, 0.06), st.floats(-0.12, -0.01), st.floats(-0.06, 0.06)))
 def test_a_planted_paw_stays_on_its_spot_of_the_stage(
     name: str, way: tuple[float, float, float]
 ) -> None:
-    """In the pose itself, as far as the legs reach: within 1 % of the puppet's size."""
+    """In the pose itself, where straight legs need not stretch: within 1 % of the size."""
     drive = driven(name, Placement(grounded=True))
     pose = solved(drive)
     before = pose(frame(STANDING))
