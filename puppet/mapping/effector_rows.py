@@ -6,7 +6,7 @@ pair then opens and closes places of a small matrix and nothing else.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Container, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Final
@@ -17,7 +17,7 @@ from puppet.kernel import Floats, Ints
 from puppet.mapping.decisions import BANS, KEEPS, Act
 from puppet.mapping.evidence import Evidence
 from puppet.mapping.human import CONTROL_POINTS, HUMAN_LIMBS, LIMB_NAMES
-from puppet.mapping.limb_choice import LimbChoice
+from puppet.mapping.limb_choice import LimbChoice, across
 from puppet.mapping.verdicts import Verdicts
 
 #: Tables that are remembered: that of what holds, and those of what is offered beside it.
@@ -77,7 +77,30 @@ class EffectorTable:
             # whatever is less like it.
             if act == "set":
                 allowed[row, column] = True
+        for row, (column, _) in kept.items():
+            self._cross_over(evidence, row, column, kept, possible, allowed)
         return LimbChoice(self.scores, self.parts, allowed, possible, evidence)
+
+    def _cross_over(
+        self,
+        evidence: Evidence,
+        row: int,
+        column: int,
+        kept: Container[int],
+        possible: np.ndarray,
+        allowed: np.ndarray,
+    ) -> None:
+        """What lies across from an effector that went to the other side gets what that left."""
+        limbs = self.rows[row].limbs
+        twin = across(evidence, limbs[0], column) if len(limbs) == 1 else None
+        if twin is None:
+            return
+        limb, free = twin
+        for other, effector in enumerate(self.rows):
+            if effector.limbs == (limb,) and other not in kept:
+                allowed[other, :] = False
+                allowed[:, free] = False
+                allowed[other, free] = possible[other, column]
 
     def kept(self, verdicts: Verdicts) -> dict[int, tuple[int, Act]]:
         """By row, the column that the operator gave it, and the act that said so; in the order of

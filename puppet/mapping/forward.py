@@ -38,7 +38,7 @@ from puppet.mapping.human import (
 from puppet.mapping.limb_choice import LimbChoice, choices
 from puppet.mapping.pair_reasons import Reasoning
 from puppet.mapping.proposal import Proposal
-from puppet.mapping.ranking import Assignment, hungarian
+from puppet.mapping.ranking import Assignment, hungarian, whole_first
 from puppet.mapping.verdicts import Verdicts
 from puppet.skeleton import HUMAN_BONE_NAMES
 
@@ -62,7 +62,8 @@ def propose_forward(
     limbs = choices(evidence, verdicts)
     found: dict[tuple[tuple[int, int], ...], Proposal] = {}
     # Two assignments of limbs may come to the same pairs of bones, where limbs were fully decided.
-    for merit, assignment in islice(limbs.ranked(hungarian), 4 * k + 4):
+    ranked = whole_first(limbs.scores, limbs.allowed, hungarian)
+    for merit, assignment in islice(ranked, 4 * k + 4):
         proposal = _Builder(evidence, verdicts, limbs, assignment).proposal(merit[0])
         found.setdefault(tuple((pair.bone, pair.human) for pair in proposal.pairs), proposal)
         if len(found) == k:

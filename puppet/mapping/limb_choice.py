@@ -6,7 +6,7 @@ of this small matrix, so that the evidence behind it is never worked out again.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -17,7 +17,7 @@ from puppet.mapping.evidence import PARTS, TOPOLOGY, Evidence
 from puppet.mapping.human import HUMAN_LIMBS, LIMB_NAMES, LIMB_OF_BONE, WHOLE_LIMBS
 from puppet.mapping.pair_reasons import Reasoning
 from puppet.mapping.proposal import RunnerUp
-from puppet.mapping.ranking import Assignment, Merit, Solver, hungarian, ranked, sum_of_powers
+from puppet.mapping.ranking import hungarian, sum_of_powers
 from puppet.mapping.verdicts import Verdicts
 from puppet.skeleton import HUMAN_BONE_NAMES
 
@@ -36,10 +36,6 @@ class LimbChoice:
     possible: np.ndarray
     evidence: Evidence
     whole: Mapping[int, tuple[int, Act]] = field(default_factory=dict)
-
-    def ranked(self, solve: Solver) -> Iterator[tuple[Merit, Assignment]]:
-        """Assignments, best first."""
-        return ranked(self.scores, self.allowed, solve)
 
     def reasoning(self, row: int, column: int) -> Reasoning:
         """Why this row goes with this column."""
@@ -104,9 +100,9 @@ def choices(evidence: Evidence, verdicts: Verdicts) -> LimbChoice:
             allowed[:, column] = False
     for row, (column, _) in led.items():
         allowed[row, column] = True
-        across = _across(evidence, row, column)
-        if across is not None and across[0] not in led:
-            other, free = across
+        twin = across(evidence, row, column)
+        if twin is not None and twin[0] not in led:
+            other, free = twin
             allowed[other, :] = False
             allowed[:, free] = False
             allowed[other, free] = bool(possible[other, column] and not closed[other, free])
@@ -133,7 +129,7 @@ def _closed(evidence: Evidence, verdicts: Verdicts, rows: dict[str, int]) -> np.
     return closed
 
 
-def _across(evidence: Evidence, row: int, column: int) -> tuple[int, int] | None:
+def across(evidence: Evidence, row: int, column: int) -> tuple[int, int] | None:
     """If a limb is given to the other side, the one across from it, and what that leaves free."""
     limb, human = evidence.limbs[row], HUMAN_LIMBS[column]
     if not limb.side or not human.side or limb.side == human.side:
