@@ -1,8 +1,9 @@
 #!/usr/bin/env python3
 """Draw the contact sheets of docs/contact-sheets.md: every puppet of the cast beside a performer,
-on the rehearsal and on a real take.
+on the rehearsal and on a real take. Or those of any rigs, each driven both ways, to look at.
 
     python script/make_contact_sheets.py [NAME ...] [--out FOLDER]
+    python script/make_contact_sheets.py --rigs FOLDER --out FOLDER
 """
 
 from __future__ import annotations
@@ -15,6 +16,8 @@ from pathlib import Path
 from typing import Final
 
 from PIL import Image
+
+from puppet.formats.model import MODEL_SUFFIXES
 
 REPOSITORY: Final = Path(__file__).resolve().parents[1]
 TAKE: Final = REPOSITORY / "tests" / "recorded_streams" / "balance_cam01.mcap"
@@ -42,6 +45,7 @@ armature = "{armature}"
 mode = "{mode}"
 position = [0.9, {height}, 0.0]
 yaw = -20
+{more}
 [view]
 performer = [-0.6, 0.0, 0.0]
 show_pairs = false
@@ -54,9 +58,26 @@ def draw(name: str, out: Path) -> None:
     armature = REPOSITORY / "configs" / "armatures" / f"{name}.toml"
     with tempfile.TemporaryDirectory() as folder:
         show = Path(folder) / f"{name}.toml"
-        show.write_text(SHOW.format(name=name, armature=armature, mode=mode, height=height))
+        text = SHOW.format(name=name, armature=armature, mode=mode, height=height, more="")
+        show.write_text(text)
         render(show, out / f"{name}-rehearsal.jpg", "--at", MOMENTS)
         render(show, out / f"{name}-balance.jpg", "--source", str(TAKE), "--sheet", "8")
+
+
+def draw_rig(path: Path, out: Path) -> None:
+    """Both ways of driving a rig, made as tall as a child; one that cannot be driven is named."""
+    for mode in ("fk", "ik"):
+        name = f"{path.stem}-{mode}"
+        with tempfile.TemporaryDirectory() as folder:
+            show = Path(folder) / "rig.toml"
+            text = SHOW.format(
+                name=name, armature=path.resolve(), mode=mode, height=0.0, more="height = 1.2"
+            )
+            show.write_text(text)
+            try:
+                render(show, out / f"{name}.jpg", "--at", MOMENTS)
+            except subprocess.CalledProcessError:
+                print(f"{name}: not drawn, for the reason above")
 
 
 def render(show: Path, target: Path, *options: str) -> None:
@@ -72,11 +93,17 @@ def main() -> None:
     parser = argparse.ArgumentParser(description="Draw the contact sheets of the docs.")
     parser.add_argument("names", nargs="*", metavar="NAME", help=", ".join(CAST))
     parser.add_argument("--out", type=Path, default=REPOSITORY / "docs" / "pictures" / "cast")
+    parser.add_argument("--rigs", type=Path, help="draw the rigs in this folder instead")
     arguments = parser.parse_args()
     unknown = sorted(set(arguments.names) - set(CAST))
     if unknown:
         parser.error(f"there is no {', '.join(unknown)}; the cast is {', '.join(CAST)}")
     arguments.out.mkdir(parents=True, exist_ok=True)
+    if arguments.rigs is not None:
+        for path in sorted(arguments.rigs.rglob("*")):
+            if path.suffix.lower() in MODEL_SUFFIXES:
+                draw_rig(path, arguments.out)
+        return
     for name in arguments.names or CAST:
         draw(name, arguments.out)
 
