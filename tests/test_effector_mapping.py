@@ -440,6 +440,29 @@ def test_two_effectors_that_were_set_to_one_control_point_both_have_it() -> None
     assert len({pairs_of(proposal) for proposal in proposals}) == len(proposals)
 
 
+def test_what_lies_across_from_a_crossed_effector_takes_nothing_from_a_locked_one() -> None:
+    armature = shipped("seagull").armature
+    verdicts = decide(
+        armature,
+        Decision("lock", "ik", "wing_tip.L", "hand.R"),
+        Decision("lock", "ik", "tail", "hand.L"),
+    )
+    for proposal in propose_effectors(armature, verdicts, 4):
+        check_sound(proposal, verdicts)
+        assert by_name(proposal).get("wing_tip.R") != "hand.L"
+
+
+def test_what_lies_across_from_a_crossed_effector_does_not_get_what_was_ruled_out() -> None:
+    armature = shipped("seagull").armature
+    crossed = Decision("lock", "ik", "wing_tip.L", "hand.R")
+    assert by_name(propose_effectors(armature, decide(armature, crossed))[0])["wing_tip.R"] == (
+        "hand.L"
+    )
+    verdicts = decide(armature, crossed, Decision("forbid", "ik", "wing_tip.R", "hand.L"))
+    for proposal in propose_effectors(armature, verdicts, 4):
+        check_sound(proposal, verdicts)
+
+
 def test_a_whole_limb_means_its_control_point() -> None:
     armature = shipped("snake").armature
     locked = decide(armature, Decision("lock", "ik", "tail", "leg.L"))

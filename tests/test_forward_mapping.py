@@ -99,10 +99,12 @@ def test_leftovers_and_shoulders_do_not_break_what_was_decided(
 def test_proposals_are_all_different_and_the_best_comes_first(
     armature: Armature, data: st.DataObject
 ) -> None:
+    """First the whole ones, best first; then those that merely drop a pair, best first."""
     proposals = propose_forward(armature, data.draw(decided(armature, "fk")), 6)
     assert len({pairs_of(proposal) for proposal in proposals}) == len(proposals)
     merits = [round(proposal.merit, 12) for proposal in proposals]
-    assert merits == sorted(merits, reverse=True)
+    assert merits[0] == max(merits)
+    assert (np.diff(merits) > 0.0).sum() <= 1
 
 
 @given(any_armature, st.data())
@@ -139,11 +141,13 @@ def test_the_order_of_bones_does_not_matter(armature: Armature, data: st.DataObj
 
 @given(creatures())
 def test_in_a_mirror_left_and_right_change_places(armature: Armature) -> None:
-    """With the other hand leading, which is what a mirror shows."""
-    if not any(armature.sides):
+    """With the other hand leading, which is what a mirror shows. Twigs in the middle for which
+    nothing speaks at all may go to either hand."""
+    proposal = propose_forward(armature)[0]
+    if not any(armature.sides) or any(pair.score == 0.0 for pair in proposal.pairs):
         return
     seen = mapping(mirrored(armature), Preferences(hand="L"))
-    expected = {other_side(b): other_side(human) for b, human in mapping(armature).items()}
+    expected = {other_side(b): other_side(human) for b, human in by_name(proposal).items()}
     assert seen == expected
 
 
@@ -412,6 +416,20 @@ def test_the_order_of_words_does_not_matter_to_a_human_bone_that_is_shared() -> 
     )
     found = by_name(propose_forward(fish, verdicts)[0])
     assert found["dorsal"] == found["fin.L"] == "hand.R"
+
+
+def test_a_limb_and_a_bone_of_another_may_share_a_human_limb_but_no_human_bone() -> None:
+    snake = shipped("snake").armature
+    verdicts = decide(
+        snake,
+        Decision("lock", "fk", "body.1", "thigh.R"),
+        Decision("lock", "fk", "tail", "leg.R"),
+    )
+    proposal = propose_forward(snake, verdicts)[0]
+    check_sound(proposal, verdicts)
+    found = by_name(proposal)
+    assert found["body.1"] == "thigh.R"
+    assert {found.get(b) for b in ("tail.1", "tail.2", "tail.3", "tail")} & {"shin.R", "foot.R"}
 
 
 def test_a_locked_pair_takes_its_human_bone_from_everything_else() -> None:

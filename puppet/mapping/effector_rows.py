@@ -6,7 +6,7 @@ pair then opens and closes places of a small matrix and nothing else.
 
 from __future__ import annotations
 
-from collections.abc import Container, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Final
@@ -62,10 +62,11 @@ class EffectorTable:
 
     def choice(self, evidence: Evidence, verdicts: Verdicts) -> LimbChoice:
         """The rows against the control points, after the decisions on pairs."""
-        allowed = self.allowed.copy()
+        closed = np.zeros_like(self.allowed)
         for (bone, human), act in verdicts.banned_in("ik").items():
             if act in BANS and bone in self.row_of:
-                allowed[self.row_of[bone], column_of(human)] = False
+                closed[self.row_of[bone], column_of(human)] = True
+        allowed = self.allowed & ~closed
         possible = allowed.copy()
         kept = self.kept(verdicts)
         for row, (column, act) in kept.items():
@@ -78,7 +79,7 @@ class EffectorTable:
             if act == "set":
                 allowed[row, column] = True
         for row, (column, _) in kept.items():
-            self._cross_over(evidence, row, column, kept, possible, allowed)
+            self._cross_over(evidence, row, column, kept, possible, closed, allowed)
         return LimbChoice(self.scores, self.parts, allowed, possible, evidence)
 
     def _cross_over(
@@ -86,8 +87,9 @@ class EffectorTable:
         evidence: Evidence,
         row: int,
         column: int,
-        kept: Container[int],
+        kept: Mapping[int, tuple[int, Act]],
         possible: np.ndarray,
+        closed: np.ndarray,
         allowed: np.ndarray,
     ) -> None:
         """What lies across from an effector that went to the other side gets what that left."""
@@ -96,11 +98,13 @@ class EffectorTable:
         if twin is None:
             return
         limb, free = twin
+        if any(free == its for its, _ in kept.values()):
+            return  # it was given away as well
         for other, effector in enumerate(self.rows):
             if effector.limbs == (limb,) and other not in kept:
                 allowed[other, :] = False
                 allowed[:, free] = False
-                allowed[other, free] = possible[other, column]
+                allowed[other, free] = possible[other, column] and not closed[other, free]
 
     def kept(self, verdicts: Verdicts) -> dict[int, tuple[int, Act]]:
         """By row, the column that the operator gave it, and the act that said so; in the order of

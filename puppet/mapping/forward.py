@@ -114,7 +114,9 @@ class _Builder:
 
     def proposal(self, merit: float) -> Proposal:
         self._map_spine()
-        for row, column in self.assignment:
+        # What was said of whole limbs comes first, where bones were given parts of the same one.
+        whole_first = sorted(self.assignment, key=lambda pair: pair[0] not in self.limbs.whole)
+        for row, column in whole_first:
             if column != _HEAD:
                 self._map_limb(row, column)
         if self.evidence.preferences.leftovers:
@@ -175,9 +177,12 @@ class _Builder:
         """The bones of one limb to those of the human limb that drives it."""
         limb, human = self.evidence.limbs[row], HUMAN_LIMBS[column]
         bones = [bone for bone in limb.bones if bone not in self.chosen]
-        if not bones:
-            return
         playable = human.bones if self.evidence.preferences.shoulders else human.playable
+        if row not in self.limbs.whole or self.limbs.whole[row][1] != "set":
+            taken = {its for its, _ in self.chosen.values()}
+            playable = tuple(its for its in playable if its not in taken)
+        if not bones or not playable:
+            return
         if len(bones) == 1:
             wanted = human.playable[human.alone]
             pairs = aligned(

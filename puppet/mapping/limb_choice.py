@@ -101,7 +101,8 @@ def choices(evidence: Evidence, verdicts: Verdicts) -> LimbChoice:
     for row, (column, _) in led.items():
         allowed[row, column] = True
         twin = across(evidence, row, column)
-        if twin is not None and twin[0] not in led:
+        given = {its for its, _ in led.values()}
+        if twin is not None and twin[0] not in led and twin[1] not in given:
             other, free = twin
             allowed[other, :] = False
             allowed[:, free] = False
