@@ -13,13 +13,14 @@ from typing import Any, get_args
 from rich.console import Console
 from rich.table import Table
 
+from puppet.armature import Armature
 from puppet.cast import rig_of
 from puppet.errors import BadDecisionError, BadShowError
 from puppet.formats.armature_toml import load_puppet
 from puppet.mapping.blocks import BLOCKS
 from puppet.mapping.decisions import Act, Decision
 from puppet.mapping.human import HUMAN
-from puppet.mapping.proposal import Mode, Proposal
+from puppet.mapping.proposal import Mode
 from puppet.mapping.service import MOST_PROPOSALS, MappingService
 from puppet.net.bus import Bus
 from puppet.net.mapping_client import MappingClient
@@ -28,6 +29,7 @@ from puppet.skeleton import HUMAN_BONE_NAMES
 
 _err = Console(stderr=True, soft_wrap=True)
 _STYLES = {"sure": "green", "likely": "", "doubtful": "yellow"}
+_KINDS: dict[Mode, str] = {"fk": "forward kinematics", "ik": "inverse kinematics"}
 
 
 def map_armature(
@@ -48,7 +50,7 @@ def map_armature(
     checked = mode_of(mode)
     name = puppet.model.armature.name
     service = MappingService({name: rig_of(puppet)}, {name: checked})
-    decisions = [*_pairs("lock", checked, lock), *_pairs("forbid", checked, forbid)]
+    decisions = _decisions(checked, [*_pairs("lock", lock), *_pairs("forbid", forbid)])
     if decisions:
         service.decide(name, decisions)
     if matrix is not None:
@@ -75,11 +77,11 @@ def map_armature(
             document["alternatives"] = [other.as_json(explain=explain) for other in others]
         sys.stdout.write(json.dumps(document, indent=2) + "\n")
         return
-    _print_proposal(
-        best, "forward kinematics" if checked == "fk" else "inverse kinematics", explain
-    )
+    first = best.as_json(explain=True)
+    _print_mapping(first, f"{name}: {_KINDS[checked]}", explain=explain)
     for rank, other in enumerate(others, start=2):
-        _print_proposal(other, f"choice {rank} (* is not as in the first)", explain, against=best)
+        title = f"{name}: choice {rank} (* is not as in the first)"
+        _print_mapping(other.as_json(explain=True), title, explain=explain, against=first)
 
 
 def mode_of(text: str) -> Mode:
@@ -90,8 +92,9 @@ def mode_of(text: str) -> Mode:
     return mode
 
 
-def _pairs(act: Act, mode: Mode, texts: Iterable[str]) -> list[Decision]:
-    decisions = []
+def _pairs(act: Act, texts: Iterable[str]) -> list[tuple[Act, str, str]]:
+    """The act, bone and partner of each. Raises BadDecisionError for what is no pair."""
+    pairs: list[tuple[Act, str, str]] = []
     for text in texts:
         bone, equals, human = text.rpartition("=")
         if not (bone and equals and human):
@@ -101,45 +104,53 @@ def _pairs(act: Act, mode: Mode, texts: Iterable[str]) -> list[Decision]:
                 expected="BONE=HUMAN, as fin.R=hand.R, or a whole limb: fin.R=arm.R",
                 found=text,
             )
-        decisions.append(Decision(act, mode, bone, human))
-    return decisions
+        pairs.append((act, bone, human))
+    return pairs
 
 
-def _print_proposal(
-    proposal: Proposal, title: str, explain: bool, against: Proposal | None = None
+def _decisions(mode: Mode, pairs: Iterable[tuple[Act, str, str]]) -> list[Decision]:
+    return [Decision(act, mode, bone, human) for act, bone, human in pairs]
+
+
+def _print_mapping(
+    mapping: dict[str, Any], title: str, *, explain: bool, against: dict[str, Any] | None = None
 ) -> None:
+    """A mapping as `Proposal.as_json` says it with all that is known; * marks what `against` has
+    otherwise."""
+    fk = mapping["mode"] == "fk"
+    name, partner = ("bone", "human") if fk else ("effector", "control_point")
+    before = {pair[name]: pair[partner] for pair in against["pairs"]} if against else None
     console = Console()
-    before = {pair.name: pair.partner for pair in against.pairs} if against else None
-    console.print(f"{proposal.armature.name}: {title}", style="bold", markup=False)
+    console.print(title, style="bold", markup=False)
     table = Table()
-    table.add_column("bone" if proposal.mode == "fk" else "end effector")
-    table.add_column("turns with" if proposal.mode == "fk" else "goes with")
+    table.add_column("bone" if fk else "end effector")
+    table.add_column("turns with" if fk else "goes with")
     table.add_column("score", justify="right")
     table.add_column("")
     if explain:
         table.add_column("because")
         table.add_column("or")
-    for pair in proposal.pairs:
-        changed = before is not None and before.get(pair.name) != pair.partner
+    for pair in mapping["pairs"]:
+        changed = before is not None and before.get(pair[name]) != pair[partner]
         row = [
-            pair.name,
-            pair.partner + (" *" if changed else ""),
-            f"{pair.score:.2f}",
-            pair.decided or pair.certainty,
+            pair[name],
+            pair[partner] + (" *" if changed else ""),
+            f"{pair['score']:.2f}",
+            pair.get("decided") or pair["certainty"],
         ]
         if explain:
-            others = ((HUMAN_BONE_NAMES[o.human], o.score) for o in pair.runners_up)
-            row += [_because(pair.reasons), _or(others)]
-        table.add_row(*row, style=_STYLES[pair.certainty])
-    follows = dict(proposal.follows)
-    for name in proposal.unmapped:
-        bone = proposal.armature.names.index(name) if name in proposal.armature.names else -1
-        share = f"{follows[bone]:.0%} of its parent's turn" if bone in follows else "its parent"
-        table.add_row(name, share if proposal.mode == "fk" else "—", style="dim")
+            others = ((other[partner], other["score"]) for other in pair["runners_up"])
+            row += [_because(pair["reasons"]), _or(others)]
+        table.add_row(*row, style=_STYLES[pair["certainty"]])
+    follow = mapping.get("follow", {})
+    for bone in mapping["unmapped"]:
+        share = f"{follow[bone]:.0%} of its parent's turn" if bone in follow else "its parent"
+        table.add_row(bone, share if fk else "—", style="dim")
     console.print(table)
-    for offer in proposal.offers:
+    for offer in mapping["offered_masters"]:
         console.print(
-            f"a master {offer.name!r} could join {', '.join(offer.effectors)}: {offer.why}",
+            f"a master {offer['master']!r} could join {', '.join(offer['effectors'])}: "
+            f"{offer['why']}",
             markup=False,
             highlight=False,
         )
@@ -154,7 +165,7 @@ def _or(others: Iterable[tuple[str, float]]) -> str:
     return ", ".join(f"{name} {score:.2f}" for name, score in islice(others, 2))
 
 
-def _print_matrix(armature: Any, name: str, *, as_json: bool) -> None:
+def _print_matrix(armature: Armature, name: str, *, as_json: bool) -> None:
     if name not in BLOCKS:
         raise BadShowError(
             "there is no such block", where="--matrix", expected=", ".join(BLOCKS), found=name
@@ -210,6 +221,10 @@ def decide_live(
             found="no name of a puppet",
             hint="puppet decide SHOW lists the puppets on stage",
         )
+    # What is malformed is told before anybody is asked.
+    wanted = None if mode is None else mode_of(mode)
+    given = [pair for act, texts in pairs for pair in _pairs(act, texts)]
+    masters = [_master(text) for text in group]
     show = load_show(show_path)
     endpoint = show.bus.endpoint if port is None else f"tcp/127.0.0.1:{port}"
     with Bus.join(endpoint, show.key, wait=3.0) as bus:
@@ -228,12 +243,11 @@ def decide_live(
                 expected=f"one of {', '.join(card['name'] for card in cards)}",
                 found=puppet,
             )
-        current: Mode = mode_of(mode) if mode is not None else card["mode"]
-        step = [] if mode is None else [Decision("mode", current)]
-        for act, texts in pairs:
-            step += _pairs(act, current, texts)
+        current: Mode = wanted or card["mode"]
+        step = [Decision("mode", wanted)] if wanted else []
+        step += _decisions(current, given)
         step += [Decision("clear", current, bone) for bone in clear]
-        step += [_master(text) for text in group]
+        step += masters
         step += [Decision("ungroup", "ik", name) for name in ungroup]
         answer = client.propose(puppet)[0]
         if undo:
@@ -242,7 +256,7 @@ def decide_live(
             answer = client.redo(puppet)
         elif step:
             answer = client.decide(puppet, step, _who())
-        _print_answer(answer, explain=explain)
+        _print_mapping(answer, f"{puppet}: {_KINDS[answer['mode']]}", explain=explain)
         _print_history(client.history(puppet))
 
 
@@ -279,21 +293,6 @@ def _print_cards(cards: Iterable[dict[str, Any]]) -> None:
     for card in cards:
         for warning in card["warnings"]:
             _err.print(warning, style="yellow", markup=False, highlight=False)
-
-
-def _print_answer(answer: dict[str, Any], *, explain: bool) -> None:
-    bone, human = ("bone", "human") if answer["mode"] == "fk" else ("effector", "control_point")
-    table = Table()
-    columns = [bone.replace("_", " "), human.replace("_", " "), ""]
-    for column in [*columns, *(("because", "or") if explain else ())]:
-        table.add_column(column)
-    for pair in answer["pairs"]:
-        row = [pair[bone], pair[human], pair.get("decided") or pair["certainty"]]
-        if explain:
-            others = ((other[human], other["score"]) for other in pair["runners_up"])
-            row += [_because(pair["reasons"]), _or(others)]
-        table.add_row(*row, style=_STYLES[pair["certainty"]])
-    Console().print(table)
 
 
 def _print_history(history: dict[str, Any]) -> None:
