@@ -114,6 +114,8 @@ def test_blocks_follow_the_order_of_bones(armature: Armature, data: st.DataObjec
 
 @given(creatures())
 def test_in_a_mirror_left_and_right_columns_change_places(armature: Armature) -> None:
+    if not any(armature.sides):
+        return  # by its shape it may have its left and right along z, where this mirror is not
     across = [
         HUMAN_BONE_NAMES.index(name.translate(str.maketrans("LR", "RL")) if "." in name else name)
         for name in HUMAN_BONE_NAMES

@@ -380,11 +380,10 @@ def widest_turn(one: Pose, other: Pose) -> float:
 
 
 @pytest.mark.parametrize("name", CAST)
-@pytest.mark.parametrize("grounded", [False, True])
-def test_poses_are_continuous(name: str, grounded: bool) -> None:
+def test_poses_are_continuous(name: str) -> None:
     """Where a pose turns most between two frames, it turns little between two that are close:
     halving the time in which it does so, again and again, leaves no jump."""
-    pose, rehearsal = solved(driven(name, Placement(grounded=grounded))), Rehearsal()
+    pose, rehearsal = solved(driven(name, Placement(grounded=name != "fish"))), Rehearsal()
     seen = [frame for frame in Rehearsal(30.0) if frame.states.all()]
     poses = [pose(frame) for frame in seen]
     turns = [

@@ -56,6 +56,24 @@ def test_pairs_shown_as_sure_are_right_more_often_than_doubtful_ones(
     assert all(band.claimed <= band.right for band in bands.values())
 
 
+def test_a_pair_counts_once_for_certainty_whatever_it_is_dressed_in(cast: list[Result]) -> None:
+    shown = [
+        one.pair
+        for result in cast
+        if result.dress == "as it is"
+        for one in result.judged
+        if one.pair is not None
+    ]
+    bands = calibration(cast)
+    assert sum(band.pairs for band in bands) == len(shown)
+    for band in bands:
+        its = [pair.confidence for pair in shown if pair.certainty == band.word]
+        assert len(its) == band.pairs
+        assert not its or sum(its) / len(its) == pytest.approx(band.claimed)
+        assert (band.rigs > 0) == (band.pairs > 0)
+        assert band.rigs <= len({result.case.name for result in cast})
+
+
 def test_limbs_geometry_and_preferences_do_better_than_the_matrix_alone(cast: list[Result]) -> None:
     plain = [one for result in cast for one in result.baseline]
     assert sum(one.right for one in plain) < 0.7 * len(plain)
@@ -103,6 +121,19 @@ def test_a_truth_file_that_makes_no_sense_is_an_error_that_names_it(
 def test_a_folder_without_truth_files_is_an_error(tmp_path: Path) -> None:
     with pytest.raises(BadFileError, match=r"no truth file"):
         find_cases([tmp_path])
+
+
+def test_a_folder_that_is_not_there_is_told_as_such(tmp_path: Path) -> None:
+    with pytest.raises(BadFileError, match="no such folder") as caught:
+        find_cases([tmp_path / "nothere"])
+    assert caught.value.where == str(tmp_path / "nothere")
+
+
+def test_a_folder_is_looked_into_and_named_once(tmp_path: Path) -> None:
+    (tmp_path / "fish.truth.toml").write_text("")
+    with pytest.raises(BadFileError, match="nowhere") as caught:
+        find_cases([tmp_path], [tmp_path, tmp_path])
+    assert caught.value.found == f"not in {tmp_path}"
 
 
 def bench(*arguments: str) -> str:

@@ -90,11 +90,12 @@ def _overall(results: Sequence[Result]) -> Table:
 
 
 def _certainty(results: Sequence[Result]) -> Table:
-    table = Table(title="how much its certainty is worth")
-    for column in ("shown as", "pairs", "right", "claimed"):
+    table = Table(title="how much its certainty is worth, with the names of bones")
+    for column in ("shown as", "pairs", "rigs", "right", "claimed"):
         table.add_column(column, justify="right")
     for band in calibration(results):
-        table.add_row(band.word, str(band.pairs), f"{band.right:.1%}", f"{band.claimed:.1%}")
+        shares = [f"{share:.1%}" if band.pairs else "—" for share in (band.right, band.claimed)]
+        table.add_row(band.word, str(band.pairs), str(band.rigs), *shares)
     return table
 
 
@@ -138,6 +139,7 @@ def _document(results: Sequence[Result]) -> dict[str, Any]:
             {
                 "certainty": band.word,
                 "pairs": band.pairs,
+                "rigs": band.rigs,
                 "right": round(band.right, 4),
                 "claimed": round(band.claimed, 4),
             }

@@ -62,10 +62,14 @@ class Result:
 
 @dataclass(frozen=True, slots=True)
 class Band:
-    """Pairs shown with one word: how often they are right, and how often they claim to be."""
+    """Pairs shown with one word: how often they are right, and how often they claim to be.
+
+    rigs: how many rigs these pairs are of.
+    """
 
     word: str
     pairs: int
+    rigs: int
     right: float
     claimed: float
 
@@ -74,10 +78,16 @@ def find_cases(folders: Iterable[Path], rigs: Sequence[Path] = ()) -> list[Case]
     """Every truth file in the folders with its rig, which lies beside it or in one of `rigs`.
 
     Raises BadFileError for a truth file or a rig that cannot be read, for a rig that is nowhere,
-    and for a folder without any truth file.
+    and for a folder that is not there or has no truth file.
     """
     cases = []
     for folder in folders:
+        if not folder.is_dir():
+            raise BadFileError(
+                "there is no such folder",
+                where=folder,
+                hint="leave it out to measure the cast that comes with the program",
+            )
         found = sorted(folder.glob(f"*{ENDING}"))
         if not found:
             raise BadFileError(
@@ -94,14 +104,15 @@ def _case(path: Path, rigs: Sequence[Path]) -> Case:
     truth = load_truth(path)
     stem = path.name.removesuffix(ENDING)
     names = [truth.rig] if truth.rig else [stem + ending for ending in (".toml", *MODEL_SUFFIXES)]
-    places = [folder / name for folder in (path.parent, *rigs) for name in names]
+    folders = list(dict.fromkeys((path.parent, *rigs)))
+    places = [folder / name for folder in folders for name in names]
     rig = next((place for place in places if place.is_file()), None)
     if rig is None:
         raise BadFileError(
             "the rig of this truth file is nowhere",
             where=path,
             expected=names[0],
-            found=f"not in {', '.join(str(folder) for folder in (path.parent, *rigs))}",
+            found=f"not in {', '.join(map(str, folders))}",
             hint="name its folder with --rigs",
         )
     puppet = load_puppet(rig)
@@ -167,10 +178,14 @@ def _dressed(rig: Rig, truth: ModeTruth, dress: Dress) -> tuple[Rig, ModeTruth]:
 
 
 def calibration(results: Iterable[Result]) -> list[Band]:
-    """How much the words for certainty are worth, the surest first."""
+    """How much the words for certainty are worth, the surest first.
+
+    Each pair counts once, with the names of its bones: without them it is nearly always the same.
+    """
     pairs = [
-        (one.pair.confidence, one.right)
+        (one.pair.confidence, one.right, result.case.path)
         for result in results
+        if result.dress == "as it is"
         for one in result.judged
         if one.pair is not None
     ]
@@ -180,11 +195,11 @@ def calibration(results: Iterable[Result]) -> list[Band]:
         ("likely", LIKELY, SURE),
         ("doubtful", -1.0, LIKELY),
     ):
-        inside = [(claimed, right) for claimed, right in pairs if low <= claimed < high]
+        inside = [pair for pair in pairs if low <= pair[0] < high]
         count = len(inside)
-        right = float(np.mean([right for _, right in inside])) if count else float("nan")
-        claimed = float(np.mean([claimed for claimed, _ in inside])) if count else float("nan")
-        bands.append(Band(word, count, right, claimed))
+        claimed = float(np.mean([claim for claim, _, _ in inside])) if count else float("nan")
+        right = float(np.mean([right for _, right, _ in inside])) if count else float("nan")
+        bands.append(Band(word, count, len({rig for _, _, rig in inside}), right, claimed))
     return bands
 
 
