@@ -6,6 +6,7 @@ in than the bone of its upper arm.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 
 import numpy as np
@@ -22,22 +23,23 @@ def aligned(bones: Sequence[int], humans: Sequence[int], worth: Worth) -> list[t
     Of equal sums, the one that pairs the bones nearest to the body wins.
     """
     rows, columns = len(bones), len(humans)
-    best = np.zeros((rows + 1, columns + 1))
-    step = np.zeros((rows + 1, columns + 1), np.int8)  # 0 pair, 1 leave the bone, 2 the human
+    # Lists: for the few bones of a limb, arrays would take several times as long.
+    best = [[0.0] * (columns + 1) for _ in range(rows + 1)]
+    step = [[0] * columns for _ in range(rows)]  # 0 pair, 1 leave the bone, 2 the human
     for row in range(rows - 1, -1, -1):
         for column in range(columns - 1, -1, -1):
             paired = worth(bones[row], humans[column])
             choices = (
-                paired + best[row + 1, column + 1] if paired > 0.0 else -np.inf,
-                best[row + 1, column],
-                best[row, column + 1],
+                paired + best[row + 1][column + 1] if paired > 0.0 else -math.inf,
+                best[row + 1][column],
+                best[row][column + 1],
             )
-            step[row, column] = int(np.argmax(choices))
-            best[row, column] = choices[step[row, column]]
+            best[row][column] = max(choices)
+            step[row][column] = choices.index(best[row][column])
     pairs = []
     row = column = 0
     while row < rows and column < columns:
-        move = step[row, column]
+        move = step[row][column]
         if move == 0:
             pairs.append((bones[row], humans[column]))
         row += int(move != 2)
