@@ -54,8 +54,9 @@ def propose_forward(
 ) -> list[Proposal]:
     """The k best FK mappings of an armature, best first; fewer if there are no more.
 
-    Bones that get no partner follow their parents. Give the `Evidence` instead of the armature to
-    propose again in a moment.
+    What merely leaves a limb out that could be driven comes after all that does not. Bones that get
+    no partner follow their parents. Give the `Evidence` instead of the armature to propose again in
+    a moment.
     """
     evidence = source if isinstance(source, Evidence) else gather(source)
     verdicts = verdicts or Verdicts()
