@@ -41,7 +41,8 @@ class PuppetConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     follow: how far it goes along with the performer. Three numbers, (left, up, forward), hold as
         they are. One number holds for all directions; but a puppet that stands on legs that IK
         moves goes up and down as far as its legs bend. None is 0.3, or as far as its steps go
-        if it stands on such legs. What stands on the floor without them never goes down.
+        if it stands on such legs. What stands on the floor without legs that bend never
+        goes down.
     reach: multiplies how far IK lets its end effectors go.
     turn: how much of the performer's turning on the spot it takes over.
     height: how tall it is made, whatever the size of the model; None leaves it as modelled.

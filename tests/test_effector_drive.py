@@ -127,6 +127,8 @@ def test_the_same_frame_gives_the_same_goals(name: str) -> None:
 # -- feet -------------------------------------------------------------------------------------
 
 WITH_LEGS = ("dog", "seagull", "seagull_with_master", "ostrich")
+#: The gull's legs are stilts: one bone, and a foot.
+WITH_KNEES = ("dog", "ostrich")
 sways = st.tuples(st.floats(-0.3, 0.3), st.floats(-0.3, 0.1), st.floats(-0.3, 0.3))
 
 
@@ -150,7 +152,8 @@ def test_a_planted_foot_stays_where_it_is_while_the_hips_sway_and_sink(
     assert math.hypot(gone[0], gone[2]) == pytest.approx(
         float(drive.placement.along[0]) * math.hypot(way_of_hips[0], way_of_hips[2]), abs=1e-9
     )
-    assert gone[1] == pytest.approx(drive.placement.along[1] * way[1], abs=1e-9)
+    sunk = way[1] if name in WITH_KNEES else max(way[1], 0.0)
+    assert gone[1] == pytest.approx(drive.placement.along[1] * sunk, abs=1e-9)
 
 
 @pytest.mark.parametrize("name", WITH_LEGS)

@@ -137,10 +137,29 @@ def _stood(
     armature: Armature, pairs: Iterable[Pair], placement: Placement, reach: float
 ) -> Placement:
     """The placement of a puppet that may stand on legs of its own."""
-    legs = [_leg_scale(armature, pair) for pair in pairs if _limb(pair).is_leg]
-    if not legs or not placement.grounded:
+    feet = [pair for pair in pairs if _limb(pair).is_leg]
+    if not feet or not placement.grounded:
         return placement
-    return placement.on_legs(float(np.mean(legs)) * reach)
+    scale = float(np.mean([_leg_scale(armature, pair) for pair in feet])) * reach
+    return placement.on_legs(
+        scale, all(_folds(armature, bone) for pair in feet for bone in pair.bones)
+    )
+
+
+def _folds(armature: Armature, bone: int) -> bool:
+    """Whether the leg that ends in `bone` can become shorter: two bones that bend above the foot.
+
+    A foot lies on the floor. One bone above it is a stilt: a body that sinks would push the heel
+    into the floor while the toes stay.
+    """
+    first, bending = _chain(armature, bone)[0], 0
+    low = _NEAR_THE_FLOOR * armature.size
+    while True:
+        turns = armature.movements[bone] == "turn"
+        bending += turns and bool(armature.rest[0][bone, 1] > low)
+        if bone == first:
+            return bending > 1
+        bone = int(armature.parents[bone])
 
 
 def _limb(pair: Pair) -> HumanLimb:

@@ -41,17 +41,17 @@ class Placement:
         """(3,) what `follow` comes to."""
         return np.broadcast_to(FOLLOW if self.follow is None else self.follow, 3)
 
-    def on_legs(self, scale: float) -> Placement:
+    def on_legs(self, scale: float, bend: bool) -> Placement:
         """The same, standing on legs that take `scale` times the performer's steps.
 
-        Then it goes about as far as its steps are long, and down as far as its legs bend, in all
-        directions for which nothing else was asked.
+        Then it goes about as far as its steps are long, and down as far as its legs bend if they
+        can, in all directions for which nothing else was asked.
         """
         follow = self.follow
         if not isinstance(follow, np.ndarray):
             aside = scale if follow is None else follow
             follow = np.array([aside, scale, aside])
-        return replace(self, follow=follow, sinks=True)
+        return replace(self, follow=follow, sinks=bend)
 
     def root(self, frame: SkeletonFrame, neutral: Stance, heading: float) -> tuple[Floats, Floats]:
         """World translation (3,) and rotation (4,): the placement, then the performer's own way.
