@@ -75,37 +75,3 @@ def test_a_body_that_lies_along_the_ground_is_told_from_one_that_stands(
     shared: Path, rig: str, upright: bool
 ) -> None:
     assert stands_upright(load_puppet(shared / "armatures" / rig).model.armature) is upright
-
-
-def test_nothing_of_a_real_rig_goes_through_the_floor(shared: Path, tmp_path: Path) -> None:
-    """Each of the grounded rigs, both ways, over the whole rehearsal."""
-    from puppet.cast import load_cast
-    from puppet.line import Line
-    from puppet.pose import forward_kinematics
-    from puppet.rotation import rotate
-    from puppet.show import load_show
-    from puppet.tracking.rehearsal import Rehearsal
-
-    show = tmp_path / "show.toml"
-    text = 'name = "all"\n[source]\npath = "rehearsal"\n'
-    for rig in ("Fox_bevy.glb", "RobotExpressive.glb", "dinosaurs_pack__Trex.glb"):
-        for mode in ("fk", "ik"):
-            text += f'[[puppets]]\nname = "{rig}{mode}"\nmode = "{mode}"\nheight = 1.2\n'
-            text += f'armature = "{shared / "armatures" / rig}"\n'
-    show.write_text(text)
-    cast = load_cast(load_show(show), show)
-    line = Line(cast)
-    for index, frame in enumerate(Rehearsal()):
-        tick = line.step(frame)
-        if index % 20:
-            continue
-        for puppet in cast:
-            assert puppet.floor is not None
-            pose = tick.poses[puppet.name]
-            assert np.isfinite(pose.bones).all()
-            origins, frames = forward_kinematics(puppet.model.armature, pose)
-            heights = [
-                origins[bone][1] + rotate(frames[bone], point)[1]
-                for bone, point in zip(puppet.floor.bones, puppet.floor.positions, strict=True)
-            ]
-            assert min(heights) > -1e-6, f"{puppet.name} at {frame.time:.1f} s"
