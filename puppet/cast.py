@@ -25,6 +25,7 @@ class StagedPuppet:
 
     proposal: the mapping that it starts with. reach: multiplies how far IK lets it go.
     floor: the points of its skin that may touch the floor; None if it is not on the floor.
+    part: whoever plays it drives the puppet; empty for the show's first part.
     """
 
     name: str
@@ -35,6 +36,7 @@ class StagedPuppet:
     placement: Placement
     reach: float
     floor: FloorPoints | None
+    part: str = ""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -109,4 +111,6 @@ def _staged(config: PuppetConfig, path: Path, puppet: Puppet, proposal: Proposal
         grounded=bool(puppet.traits.grounded),
     )
     floor = floor_points(model) if puppet.traits.grounded else None
-    return StagedPuppet(config.name, path, scale, model, proposal, placement, config.reach, floor)
+    return StagedPuppet(
+        config.name, path, scale, model, proposal, placement, config.reach, floor, config.part
+    )

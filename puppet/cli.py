@@ -96,12 +96,22 @@ def track(
         str | None,
         typer.Option(help="Use this source instead of the show's: a path, webcam:0, rehearsal."),
     ] = None,
+    camera: Annotated[
+        str | None,
+        typer.Option(help="Which of the show's sources, if it has several."),
+    ] = None,
+    stage: Annotated[
+        str | None,
+        typer.Option(
+            metavar="ADDRESS", help="Where the stage is, if elsewhere: tcp/192.168.1.20:7447."
+        ),
+    ] = None,
     port: Port = None,
 ) -> None:
     """Publish the skeletons of one source. Start, stop and replace it while a show runs."""
     from puppet.commands.live import track_show
 
-    track_show(show, source, port)
+    track_show(show, source, port, camera, stage)
 
 
 @app.command()
@@ -329,6 +339,29 @@ def decide(
         explain=explain,
         reload=reload,
     )
+
+
+@app.command()
+def parts(
+    show: ShowFile,
+    part: Annotated[
+        str | None, typer.Argument(help="Which part; all are listed if it is left out.")
+    ] = None,
+    give: Annotated[
+        int | None, typer.Option(metavar="PERFORMER", help="Give it to this performer.")
+    ] = None,
+    release: Annotated[
+        bool, typer.Option("--release", help="Take it from whoever plays it; its puppets rest.")
+    ] = False,
+    reopen: Annotated[
+        bool, typer.Option("--reopen", help="Let the part's rule choose again, among everybody.")
+    ] = False,
+    port: Port = None,
+) -> None:
+    """Who drives whom in a show that is running: list it, and change it."""
+    from puppet.commands.parts import parts_live
+
+    parts_live(show, part, port, give=give, release=release, reopen=reopen)
 
 
 bench = typer.Typer(help="How well and how fast, measured here.", no_args_is_help=True)

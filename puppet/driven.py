@@ -54,13 +54,13 @@ class DrivenPuppet:
     def set_mapping(self, proposal: Proposal) -> None:
         """Drive it by another mapping, easing over from what is shown."""
         self._drive_by(proposal)
-        self._ease()
+        self.ease()
 
     def set_neutral(self, neutral: Stance) -> None:
         """Count from another neutral stance, easing over from what is shown."""
         self._neutral = neutral
         self._drive = self._drive.with_neutral(neutral)
-        self._ease()
+        self.ease()
 
     def warm_up(self, frame: SkeletonFrame) -> None:
         """Compile what either way of driving needs, so that the first change is no pause."""
@@ -69,7 +69,8 @@ class DrivenPuppet:
             self.set_mapping(build(armature)[0])
             self.step(frame, 1.0 / 30.0)
 
-    def _ease(self) -> None:
+    def ease(self) -> None:
+        """Get to whatever is asked for next without a jump."""
         self._turn_limit.reset()  # the transition sees to it that nothing jumps
         self._transition.start()
 

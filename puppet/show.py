@@ -8,20 +8,59 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Callable
 from pathlib import Path
-from typing import Literal
+from typing import Final, Literal
 
 import msgspec
 
 from puppet.errors import BadShowError
 
 Triple = tuple[float, float, float]
+#: How many people one camera can follow.
+MOST_PERFORMERS: Final = 4
+
+
+class ZoneConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """A rectangle on the floor, metres in the stage frame: from and to, along x and along z."""
+
+    x: tuple[float, float]
+    z: tuple[float, float]
+
+
+class PartConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """A part that one performer plays at a time; its puppets follow them.
+
+    rule: who takes it while it is free: whoever is nearest to the stage's origin (the camera, until
+        it is calibrated), stands in the zone, was the first to raise a hand, or whom the operator
+        names.
+    zone: with any rule but the operator's, only who stands here may take it; with rule "zone" who
+        leaves it loses the part, too.
+    release_after: seconds that its performer may be away before it is free again.
+    """
+
+    name: str = "lead"
+    rule: Literal["nearest", "zone", "raised-hand", "operator"] = "nearest"
+    zone: ZoneConfig | None = None
+    release_after: float = 3.0
+
+
+class TrackingConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """How people are looked for in pictures. Takes and the rehearsal have been through that.
+
+    performers: how many are followed at most, 1 to 4. seated: only the upper body counts.
+    """
+
+    performers: int = 4
+    seated: bool = False
 
 
 class SourceConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Where skeletons come from.
 
-    path: a take, a video file, ``webcam:0`` or ``rehearsal``.
+    path: a take, a video file, a raw recording, ``webcam:0``, ``oak:`` or ``rehearsal``.
+    name: what tells several cameras of one show apart; it may stay empty if there is one.
+    remote: its tracker is started on another machine, with ``puppet track SHOW --camera NAME``.
     repeat: what a recording does at its end. speed: of a recording; 1 is as it was recorded.
     max_rate: of a recording, at most so many frames a second are used; for slow machines.
     """
@@ -30,6 +69,8 @@ class SourceConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     repeat: Literal["loop", "ping-pong", "once"] = "loop"
     speed: float = 1.0
     max_rate: float | None = None
+    name: str = ""
+    remote: bool = False
 
 
 class PuppetConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -44,6 +85,7 @@ class PuppetConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         if it stands on such legs. What stands on the floor without legs that bend never
         goes down.
     reach: multiplies how far IK lets its end effectors go.
+    part: whoever plays it drives the puppet; the show's first part if it is empty.
     turn: how much of the performer's turning on the spot it takes over.
     height: how tall it is made, whatever the size of the model; None leaves it as modelled.
     """
@@ -57,6 +99,7 @@ class PuppetConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     turn: float = 1.0
     height: float | None = None
     reach: float = 1.0
+    part: str = ""
 
 
 class ConditioningConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -97,16 +140,43 @@ class ViewConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 class Show(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """A whole show, as one file says it.
 
+    source: where skeletons come from; sources: the same for several cameras at once. A show has
+        one of the two.
+    parts: who drives whom; a show without has one part, which whoever is nearest plays.
+    mirror: whether puppets move as a mirror image of the performer.
     mappings: the file where decisions are kept; None is beside the show, with ``.mappings.toml``.
     """
 
     name: str
-    source: SourceConfig
     puppets: tuple[PuppetConfig, ...]
+    source: SourceConfig | None = None
+    sources: tuple[SourceConfig, ...] = ()
+    parts: tuple[PartConfig, ...] = ()
+    mirror: bool = False
+    tracking: TrackingConfig = TrackingConfig()
     conditioning: ConditioningConfig = ConditioningConfig()
     bus: BusConfig = BusConfig()
     view: ViewConfig = ViewConfig()
     mappings: str | None = None
+
+    @property
+    def all_sources(self) -> tuple[SourceConfig, ...]:
+        """The one source, or the several."""
+        return self.sources if self.source is None else (self.source,)
+
+    def source_named(self, camera: str | None) -> SourceConfig:
+        """The source of that name; None for the first. Raises BadShowError if there is none."""
+        if camera is None:
+            return self.all_sources[0]
+        for source in self.sources:
+            if source.name == camera:
+                return source
+        raise BadShowError(
+            "the show has no such source",
+            where=self.name,
+            expected=", ".join(source.name for source in self.sources) or "no name: it has but one",
+            found=camera,
+        )
 
     @property
     def key(self) -> str:
@@ -171,11 +241,11 @@ def _check(show: Show, path: Path) -> None:
             fail(f"puppets[{index}].height", "must be from 0.01 to 100 metres", puppet.height)
         if not 0.0 <= puppet.reach <= 100.0:
             fail(f"puppets[{index}].reach", "must be from 0 to 100", puppet.reach)
-    if not 0.0 < show.source.speed <= 100.0:
-        fail("source.speed", "the speed must be above 0 and at most 100", show.source.speed)
-    rate = show.source.max_rate
-    if rate is not None and not 1.0 <= rate <= 1000.0:
-        fail("source.max_rate", "the rate must be from 1 to 1000 frames a second", rate)
+    _check_sources(show, fail)
+    _check_parts(show, fail)
+    if not 1 <= show.tracking.performers <= MOST_PERFORMERS:
+        most = f"must be from 1 to {MOST_PERFORMERS}"
+        fail("tracking.performers", most, show.tracking.performers)
     for key in show.conditioning.__struct_fields__:
         value = getattr(show.conditioning, key)
         if not (math.isfinite(value) and value >= 0.0):
@@ -183,3 +253,43 @@ def _check(show: Show, path: Path) -> None:
     for key in ("width", "height"):
         if not 16 <= getattr(show.view, key) <= 8192:
             fail(f"view.{key}", "must be from 16 to 8192 pixels", getattr(show.view, key))
+
+
+def _check_sources(show: Show, fail: Callable[[str, str, object], None]) -> None:
+    if (show.source is None) == (not show.sources):
+        found = "neither" if show.source is None else "both"
+        fail("source", "a show has one [source], or several [[sources]]", found)
+    names = [source.name for source in show.all_sources]
+    for index, source in enumerate(show.all_sources):
+        place = "source" if show.source is not None else f"sources[{index}]"
+        if show.sources and not re.fullmatch(r"[a-z0-9][a-z0-9-]*", source.name):
+            what = "one of several sources needs a name of small letters, digits and -"
+            fail(f"{place}.name", what, repr(source.name))
+        if source.name in names[:index]:
+            fail(f"{place}.name", "two sources have the same name", source.name)
+        if not 0.0 < source.speed <= 100.0:
+            fail(f"{place}.speed", "the speed must be above 0 and at most 100", source.speed)
+        rate = source.max_rate
+        if rate is not None and not 1.0 <= rate <= 1000.0:
+            fail(f"{place}.max_rate", "the rate must be from 1 to 1000 frames a second", rate)
+
+
+def _check_parts(show: Show, fail: Callable[[str, str, object], None]) -> None:
+    names = [part.name for part in show.parts]
+    for index, part in enumerate(show.parts):
+        place = f"parts[{index}]"
+        if not part.name or part.name in names[:index]:
+            fail(f"{place}.name", "each part needs a name of its own", repr(part.name))
+        if not 0.0 <= part.release_after < math.inf:
+            fail(f"{place}.release_after", "must be 0 or more seconds", part.release_after)
+        if part.rule == "zone" and part.zone is None:
+            fail(f"{place}.zone", "this rule needs a zone", "none")
+        for axis in ("x", "z"):
+            low, high = getattr(part.zone, axis, (0.0, 1.0))
+            if not low < high:
+                fail(f"{place}.zone.{axis}", "must go from less to more", [low, high])
+    known = names or [PartConfig().name]
+    for index, puppet in enumerate(show.puppets):
+        if puppet.part and puppet.part not in known:
+            what = f"the show has no such part (there are: {', '.join(known)})"
+            fail(f"puppets[{index}].part", what, puppet.part)

@@ -6,9 +6,9 @@ left hand towards +X. Every source converts to it once.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import IntEnum
-from typing import Final
+from typing import Final, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -134,6 +134,66 @@ class SkeletonFrame:
     def present(self) -> bool:
         """Whether anybody is there: at least one joint is tracked or inferred."""
         return bool(self.states.any())
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Moment:
+    """Everybody whom a source sees at one instant: what a source gives, and the line takes in.
+
+    time, sequence: as in `SkeletonFrame`, and the same in all its frames.
+    frames: one for each performer who is there, each performer once; empty if nobody is.
+    """
+
+    time: float
+    sequence: int
+    frames: tuple[SkeletonFrame, ...] = ()
+
+    def __post_init__(self) -> None:
+        performers = [frame.performer for frame in self.frames]
+        if len(set(performers)) != len(performers):
+            raise ValueError(f"a performer is at one place at a time, but these are: {performers}")
+
+    @classmethod
+    def of(cls, frame: SkeletonFrame) -> Self:
+        """The moment in which one performer is seen, or nobody if the frame is empty."""
+        return cls(frame.time, frame.sequence, (frame,) if frame.present else ())
+
+    @property
+    def present(self) -> bool:
+        """Whether anybody is there."""
+        return bool(self.frames)
+
+    def frame_of(self, performer: int) -> SkeletonFrame:
+        """What is seen of a performer; an empty frame if they are not there."""
+        for frame in self.frames:
+            if frame.performer == performer:
+                return frame
+        return nobody(self.time, self.sequence, performer)
+
+    def at(self, time: float, sequence: int) -> Moment:
+        """The same at another time."""
+        if (time, sequence) == (self.time, self.sequence):
+            return self
+        frames = (replace(frame, time=time, sequence=sequence) for frame in self.frames)
+        return Moment(time, sequence, tuple(frames))
+
+
+#: The joint on the other side of the body; those in the middle are their own.
+OTHER_SIDE: Final = tuple(
+    Joint[joint.name.replace("LEFT", "?").replace("RIGHT", "LEFT").replace("?", "RIGHT")]
+    for joint in Joint
+)
+
+
+def mirrored(frame: SkeletonFrame) -> SkeletonFrame:
+    """As in a mirror before the performer: left and right are exchanged, and so is x."""
+    order = list(OTHER_SIDE)
+    return replace(
+        frame,
+        positions=frame.positions[order] * (-1.0, 1.0, 1.0),
+        states=frame.states[order],
+        influence=frame.influence[order],
+    )
 
 
 def nobody(time: float, sequence: int, performer: int = 0) -> SkeletonFrame:

@@ -63,13 +63,13 @@ def record_take(path: Path, source: str, seconds: float | None, overwrite: bool)
             f"recording {Path(source).name}", total=len(opened) or None, seen=""
         )
         try:
-            for frame in opened:
-                started = frame.time if started is None else started
-                if stop.is_set() or (seconds is not None and frame.time - started > seconds):
+            for moment in opened:
+                started = moment.time if started is None else started
+                if stop.is_set() or (seconds is not None and moment.time - started > seconds):
                     break
-                writer.write(frame)
+                writer.write(moment)
                 written += 1
-                present += frame.present
+                present += moment.present
                 progress.update(task, completed=written, seen=f"{present} with somebody")
         finally:
             opened.close()
@@ -106,7 +106,7 @@ def import_files(files: list[Path], output: Path | None, overwrite: bool) -> int
             _fresh(target, overwrite)
             imported = import_recording(file)
             part = target.with_name(target.name + ".part")
-            write_take(part, imported.info, imported.frames)
+            write_take(part, imported.info, imported.take)
             part.replace(target)
         except PuppetError as error:
             failed += 1

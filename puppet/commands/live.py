@@ -11,6 +11,7 @@ from rich.console import Console
 
 from puppet.cast import load_cast
 from puppet.commands.signals import stop_event
+from puppet.errors import BadShowError
 from puppet.line import Line
 from puppet.net.bus import Bus
 from puppet.net.run import Supervisor, write_report
@@ -22,6 +23,7 @@ from puppet.render.context import headless_context
 from puppet.render.output import open_output
 from puppet.render.window import Window, display_available
 from puppet.show import BusConfig, Show, load_show
+from puppet.tracking.fusion import Fusion
 from puppet.tracking.open import open_source
 
 
@@ -49,8 +51,9 @@ def run_show(
     """Supervise a whole show. -> exit code"""
     show = _load(path, port)
     load_cast(show, path)  # what is wrong with the puppets is told once, before anything starts
-    if source is not None or not show.source.path.startswith("webcam:"):
-        _check_source(show, path, source)
+    if source is not None:
+        show = with_source(show, source)
+    _check_sources(show, path, source)
     if not headless and not display_available():
         headless = True
         _say("there is no display: running without a window")
@@ -88,28 +91,48 @@ def run_show(
     return code
 
 
-def _check_source(show: Show, path: Path, source: str | None) -> None:
-    """Open the source once and let it go: a wrong one is told before anything starts."""
-    text = source or show.source.path
-    if text == "rehearsal" or text.startswith("webcam:"):
-        return
-    open_source(text, folder=None if source else path.parent).close()
+def with_source(show: Show, text: str) -> Show:
+    """The show with one source instead of its own; how it is played stays as the show says."""
+    config = msgspec.structs.replace(show.all_sources[0], path=text, name="", remote=False)
+    return msgspec.structs.replace(show, source=config, sources=())
 
 
-def track_show(path: Path, source: str | None, port: int | None) -> None:
+def _check_sources(show: Show, path: Path, source: str | None) -> None:
+    """Open what is a file once and let it go: a wrong one is told before anything starts."""
+    for config in show.all_sources:
+        text = config.path
+        if config.remote or text == "rehearsal" or text.startswith(("webcam:", "oak:")):
+            continue
+        open_source(text, folder=None if source else path.parent).close()
+
+
+def track_show(
+    path: Path, source: str | None, port: int | None, camera: str | None, stage: str | None
+) -> None:
     """Publish one source until it ends."""
     show = _load(path, port)
+    if stage is not None:
+        show = msgspec.structs.replace(show, bus=BusConfig(endpoint=stage))
+    if camera is None and len(show.all_sources) > 1 and source is None:
+        raise BadShowError(
+            "the show has several sources",
+            where=path,
+            expected="--camera with one of: " + ", ".join(one.name for one in show.sources),
+            found="none",
+        )
+    config = show.source_named(camera)
     stop = stop_event()
     opened = open_source(
-        source or show.source.path,
+        source or config.path,
         folder=None if source else path.parent,
-        repeat=show.source.repeat,
-        speed=show.source.speed,
-        max_rate=show.source.max_rate,
+        repeat=config.repeat,
+        speed=config.speed,
+        max_rate=config.max_rate,
+        tracking=show.tracking,
         warn=lambda warning: _say(f"puppet track: {warning}"),
     )
     with Bus.join(show.bus.endpoint, show.key) as bus:
-        run_track(opened, bus, stop)
+        run_track(opened, bus, stop, camera or "")
     for warning in getattr(opened, "warnings", ()):  # a video knows only when it is over
         _say(f"puppet track: {warning}")
     if opened.info.live and not stop.is_set():
@@ -128,9 +151,10 @@ def stage_show(path: Path, port: int | None) -> None:
                 _say(f"puppet stage: {puppet.name}: {warning}")
             for warning in cast.mappings.warnings(puppet.name):
                 _say(f"puppet stage: {warning}")
-        line = Line(cast, show.conditioning)
+        line = Line.of(show, cast)
         line.warm_up()
-        Stage(line, bus, cast.mappings).run(stop)
+        fusion = Fusion() if len(show.all_sources) > 1 else None
+        Stage(line, bus, cast.mappings, fusion).run(stop)
 
 
 def view_show(

@@ -42,7 +42,7 @@ class Studio:
     def __init__(self, show: Show, path: Path) -> None:
         self.show = show
         cast = load_cast(show, path)
-        self.line = Line(cast, show.conditioning)
+        self.line = Line.of(show, cast)
         size = (show.view.width, show.view.height)
         self._renderer = Renderer(headless_context(), size, samples=0, supersample=2)
         extents = []
@@ -55,9 +55,15 @@ class Studio:
     def picture(self, tick: Tick) -> NDArray[np.uint8]:
         """(height, width, 3) sRGB."""
         stance = tick.neutral or upright(np.zeros(3), 0.0)
-        self._renderer.draw(
-            self._staging.picture(tick.poses, tick.frame, stance.hip, stance.heading, status=None)
+        frames = sorted(
+            (now.frame for now in tick.performers if now.neutral is not None),
+            key=lambda frame: frame.performer != tick.frame.performer,
         )
+        idle = {frame.performer for frame in frames} - set(tick.parts.values())
+        picture = self._staging.picture(
+            tick.poses, frames, stance.hip, stance.heading, status=None, idle=idle
+        )
+        self._renderer.draw(picture)
         return self._renderer.read()
 
 
@@ -93,10 +99,14 @@ def render_show(
         show.view, width=size[0] or default[0], height=size[1] or default[1]
     )
     studio = Studio(msgspec.structs.replace(show, view=view), path)
+    config = show.all_sources[0]
+    if source is None and len(show.all_sources) > 1:
+        _say(f"puppet render: of the show's sources, {config.name} is drawn")
     opened = open_source(
-        source or show.source.path,
+        source or config.path,
         folder=None if source else path.parent,
-        repeat="once" if seconds is None else show.source.repeat,
+        repeat="once" if seconds is None else config.repeat,
+        tracking=show.tracking,
         warn=lambda text: _say(f"puppet render: {text}"),
     )
     ticks = _ticks(studio.line, opened, start, seconds)
@@ -110,7 +120,7 @@ def render_show(
     if output.suffix.lower() == ".png" and "%" not in output.name:
         moments = moments[-1:]  # one file holds one picture: the last
     for tick in _progress(moments, "drawing"):
-        film.write(studio.picture(tick), tick.frame.time)
+        film.write(studio.picture(tick), tick.time)
     film.close()
     _say(f"{output}: {len(moments)} pictures")
 
@@ -125,20 +135,20 @@ def _times(text: str) -> list[float]:
 
 
 def _ticks(
-    line: Line, frames: Source, start: float, seconds: float | None
+    line: Line, source: Source, start: float, seconds: float | None
 ) -> Iterator[tuple[float, Tick]]:
     """Steps the line over the whole source; gives the wanted stretch, with its own time."""
     end = start + (LONGEST if seconds is None else seconds)
     first: float | None = None
-    for frame in frames:
-        first = frame.time if first is None else first
-        tick = line.step(frame)
-        elapsed = frame.time - first
+    for moment in source:
+        first = moment.time if first is None else first
+        tick = line.step(moment)
+        elapsed = moment.time - first
         if elapsed > end:
             break
         if elapsed >= start:
             yield elapsed, tick
-    frames.close()
+    source.close()
 
 
 def _moments(ticks: Iterator[tuple[float, Tick]], fps: float) -> Iterator[Tick]:

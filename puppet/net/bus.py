@@ -24,25 +24,25 @@ LEASE_MS = 2000
 
 
 class Latest:
-    """A box for the newest message of one key."""
+    """A box for the newest message of each key."""
 
     def __init__(self) -> None:
         self._arrived = threading.Condition()
-        self._data: bytes | None = None
+        self._data: dict[str, bytes] = {}
 
-    def put(self, data: bytes) -> None:
-        """Replace what is in the box."""
+    def put(self, data: bytes, key: str = "") -> None:
+        """Replace what is in the box under that key."""
         with self._arrived:
-            self._data = data
+            self._data[key] = data
             self._arrived.notify()
 
     def take(self, timeout: float | None = None) -> bytes | None:
-        """Wait up to `timeout` seconds (None: forever) and empty the box; None if nothing came."""
+        """Wait up to `timeout` seconds (None: forever) and take out one message, of the key that
+        has waited longest; None if nothing came."""
         with self._arrived:
-            if self._data is None:
+            if not self._data:
                 self._arrived.wait(timeout)
-            data, self._data = self._data, None
-            return data
+            return self._data.pop(next(iter(self._data))) if self._data else None
 
 
 class Bus:
@@ -105,13 +105,13 @@ class Bus:
         return cast("Callable[[bytes], None]", publisher.put)
 
     def latest(self, key: str) -> Latest:
-        """The newest message on `key`."""
+        """The newest message on `key`; where that has a wildcard (``*``), of each key it names."""
         box = Latest()
-        self._kept.append(
-            self._session.declare_subscriber(
-                f"{self._prefix}/{key}", lambda sample: box.put(bytes(sample.payload))
-            )
-        )
+
+        def put(sample: zenoh.Sample) -> None:
+            box.put(bytes(sample.payload), str(sample.key_expr))
+
+        self._kept.append(self._session.declare_subscriber(f"{self._prefix}/{key}", put))
         return box
 
     def listen(self, key: str, handler: Callable[[bytes], None]) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import threading
 from collections import Counter
+from collections.abc import Callable
 
 from puppet.net.bus import Bus
 from puppet.net.messages import HealthMessage, encode
@@ -18,11 +19,13 @@ class Health:
     counters: count events with ``health.counters["frames_in"] += 1``. gauges: set freely.
     """
 
-    def __init__(self, bus: Bus, role: str) -> None:
+    def __init__(self, bus: Bus, role: str, look: Callable[[Health], None] | None = None) -> None:
+        """look: called before each publication, to bring the figures up to date."""
         self.counters: Counter[str] = Counter()
         self.gauges: dict[str, float] = {}
         self.state = "waiting"
         self.note = ""
+        self._look = look
         self._role = role
         self._publish = bus.publisher(f"health/{role}")
         self._stop = threading.Event()
@@ -31,6 +34,8 @@ class Health:
 
     def tell(self) -> None:
         """Publish now."""
+        if self._look is not None:
+            self._look(self)
         self._publish(
             encode(
                 HealthMessage(

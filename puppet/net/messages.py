@@ -9,7 +9,7 @@ one machine, and only there.
 
 from __future__ import annotations
 
-from typing import Any, Final, Generic, TypeVar
+from typing import Any, Final, Generic, Literal, TypeVar
 
 import msgspec
 import numpy as np
@@ -19,11 +19,12 @@ from puppet.errors import BadMessageError
 from puppet.kernel import Floats
 from puppet.mapping.proposal import Mode
 from puppet.pose import Pose
-from puppet.skeleton import JOINT_COUNT, SkeletonFrame
+from puppet.skeleton import JOINT_COUNT, Moment, SkeletonFrame
 
-VERSION: Final = 2
+VERSION: Final = 3
 
 M = TypeVar("M", bound="Message")
+EventKind = Literal["entered", "left", "took", "lost"]
 
 
 class Message(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -32,44 +33,79 @@ class Message(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=T
     version: int = VERSION
 
 
-class SkeletonMessage(Message, tag="skeleton", frozen=True, kw_only=True):
-    """Tracker → stage: one performer at one instant.
+class Skeleton(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """One performer at one instant. positions: 20 × 3 float64. states: 20 × uint8."""
 
-    source: name for people. stream_ns: when the tracker started; a newer stream replaces an older.
-    sent_ns: when this was published. positions: 20 × 3 float64. states: 20 × uint8.
+    performer: int
+    positions: bytes
+    states: bytes
+
+
+class SkeletonMessage(Message, tag="skeleton", frozen=True, kw_only=True):
+    """Tracker → stage: everybody whom one camera or recording sees at one instant.
+
+    source: name for people. camera: which of the show's sources this is, by its name there.
+    stream_ns: when the tracker started; a newer stream of the same camera replaces an older.
+    sent_ns: when this was published.
     """
 
     source: str
+    camera: str = ""
     synthetic: bool
     stream_ns: int
     sent_ns: int
     sequence: int
     time: float
-    performer: int
-    positions: bytes
-    states: bytes
+    skeletons: tuple[Skeleton, ...]
 
     @classmethod
     def of(
-        cls, frame: SkeletonFrame, *, source: str, synthetic: bool, stream_ns: int, sent_ns: int
+        cls,
+        moment: Moment,
+        *,
+        source: str,
+        synthetic: bool,
+        stream_ns: int,
+        sent_ns: int,
+        camera: str = "",
     ) -> SkeletonMessage:
         return cls(
             source=source,
+            camera=camera,
             synthetic=synthetic,
             stream_ns=stream_ns,
             sent_ns=sent_ns,
-            sequence=frame.sequence,
-            time=frame.time,
-            performer=frame.performer,
-            positions=np.ascontiguousarray(frame.positions, np.float64).tobytes(),
-            states=np.ascontiguousarray(frame.states, np.uint8).tobytes(),
+            sequence=moment.sequence,
+            time=moment.time,
+            skeletons=tuple(
+                Skeleton(
+                    frame.performer,
+                    np.ascontiguousarray(frame.positions, np.float64).tobytes(),
+                    np.ascontiguousarray(frame.states, np.uint8).tobytes(),
+                )
+                for frame in moment.frames
+            ),
         )
 
-    def frame(self) -> SkeletonFrame:
-        """Raises BadMessageError for the wrong number of joints, or values that are not finite."""
-        positions = _floats(self.positions, (JOINT_COUNT, 3), "positions")
-        states = _states(self.states)
-        return SkeletonFrame(self.time, self.sequence, self.performer, positions, states)
+    def moment(self) -> Moment:
+        """Raises BadMessageError for the wrong number of joints, values that are not finite, or a
+        performer who is there twice."""
+        frames = tuple(
+            SkeletonFrame(
+                self.time,
+                self.sequence,
+                skeleton.performer,
+                _floats(skeleton.positions, (JOINT_COUNT, 3), "positions"),
+                _states(skeleton.states),
+            )
+            for skeleton in self.skeletons
+        )
+        try:
+            return Moment(self.time, self.sequence, frames)
+        except ValueError as error:
+            raise BadMessageError(
+                "a message contradicts itself", where="message: skeletons", found=str(error)
+            ) from None
 
 
 class PuppetPose(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -100,7 +136,7 @@ class SceneMessage(Message, tag="scene", frozen=True, kw_only=True):
     frame_sent_ns: when the tracker published the frame this was made from; 0 if it was made
         without one, because none came. cast: revision of the cast that the poses belong to.
     mapping: counts the changes of any puppet's mapping.
-    performer: the conditioned skeleton, or None; its origin and heading are the neutral stance's.
+    performers: everybody who is there or fading; the lead, whom pictures are composed about, first.
     """
 
     sequence: int
@@ -112,17 +148,18 @@ class SceneMessage(Message, tag="scene", frozen=True, kw_only=True):
     source: str
     synthetic: bool
     puppets: tuple[PuppetPose, ...]
-    performer: PerformerNow | None
+    performers: tuple[PerformerNow, ...]
 
 
 class PerformerNow(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """The conditioned skeleton, and the stance that puppets count from.
 
-    positions: 20 × 3 float64. states: 20 × uint8. influence: 20 float64.
+    parts: what they play. positions: 20 × 3 float64. states: 20 × uint8. influence: 20 float64.
     neutral_hip: metres. neutral_heading: radians. measured: whether the stance was really seen.
     """
 
     performer: int
+    parts: tuple[str, ...]
     positions: bytes
     states: bytes
     influence: bytes
@@ -140,6 +177,33 @@ class PerformerNow(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
             _states(self.states),
             _floats(self.influence, (JOINT_COUNT,), "influence"),
         )
+
+
+class ConditioningMessage(Message, tag="conditioning", frozen=True, kw_only=True):
+    """Stage → whoever tunes: one performer's joints before and after each step of conditioning.
+
+    steps: name of the step -> 20 × 3 float64, metres, in the order in which a frame meets them;
+        "raw" is what came in. states: 20 × uint8. influence, trust: 20 float64.
+    """
+
+    time: float
+    performer: int
+    steps: dict[str, bytes]
+    states: bytes
+    influence: bytes
+    trust: bytes
+
+
+class EventMessage(Message, tag="event", frozen=True, kw_only=True):
+    """Stage → whoever is interested: somebody came or went, or took or lost a part.
+
+    kind: "entered", "left", "took" or "lost". part: which one, for the last two.
+    """
+
+    kind: EventKind
+    time: float
+    performer: int
+    part: str = ""
 
 
 class CastMember(msgspec.Struct, frozen=True, forbid_unknown_fields=True):

@@ -20,6 +20,7 @@ import psutil
 from puppet.errors import PuppetError, UnavailableError
 from puppet.net.bus import Bus
 from puppet.net.messages import Decoder, HealthMessage
+from puppet.net.track import track_role
 from puppet.show import Show
 
 #: A process that stops by itself is started again after pauses that grow from the first to the
@@ -35,11 +36,13 @@ SUPERVISOR: Final = "PUPPET_SUPERVISOR"
 #: Exit code of a command that has told a person what is wrong: starting it again will not help.
 TOLD: Final = 2
 MEGABYTE: Final = 1024 * 1024
+#: The order in which processes are ended.
+_LEAVING: Final = ("view", "track", "stage")
 
 
 @dataclass
 class Child:
-    """One process of the show."""
+    """One process of the show: `puppet ROLE …`."""
 
     role: str
     arguments: Sequence[str]
@@ -97,8 +100,14 @@ class Supervisor:
         self._say = say
         self.children = {
             role: Child(role, (str(show_path), *arguments.get(role, ())))
-            for role in ("stage", "track", "view")
+            for role in ("stage", "view")
         }
+        for source in show.all_sources:
+            if not source.remote:
+                camera = ("--camera", source.name) if show.sources else ()
+                self.children[track_role(source.name if show.sources else "")] = Child(
+                    "track", (str(show_path), *arguments.get("track", ()), *camera)
+                )
         self._health: dict[str, HealthMessage] = {}
         self._past: dict[str, Counter[str]] = {}
         self._decode = Decoder(HealthMessage)
@@ -116,8 +125,9 @@ class Supervisor:
         """Until `stop`, a closed window, or `seconds` after the first picture. -> exit code."""
         self.children["stage"].start()
         threading.Thread(target=self._join_bus, daemon=True).start()
-        for role in ("view", "track"):
-            self.children[role].start()
+        for role, child in self.children.items():
+            if role != "stage":
+                child.start()
         began = time.monotonic()
         next_sample = began
         code = 0
@@ -199,6 +209,9 @@ class Supervisor:
             return f"starting: {self._states()}"
         stage = self._health.get("stage")
         state = stage.state if stage else "starting"
+        for role, health in self._health.items():
+            if role.startswith("track") and health.state == "trouble":
+                state = health.note
         return (
             f"{report['frames_in']} frames in · {report['frames_drawn']} drawn · "
             f"{report['fps']:.0f} fps · latency {report['latency_ms']['p50']:.0f} ms "
@@ -238,10 +251,10 @@ class Supervisor:
 
     def _watch(self, now: float) -> int | None:
         """Restart what died. Returns the exit code if the show is over."""
-        for child in self.children.values():
+        for role, child in self.children.items():
             if child.restart_at is not None:
                 if now >= child.restart_at:
-                    self._say(f"starting {child.role} again")
+                    self._say(f"starting {role} again")
                     child.start()
                 continue
             code = child.process.poll() if child.process is not None else None
@@ -259,13 +272,13 @@ class Supervisor:
             pause = PAUSES[min(child.failures, len(PAUSES) - 1)]
             child.failures += 1
             child.restart_at = now + pause
-            self._say(f"{child.role} has stopped (exit code {code}); again in {pause:g} s")
+            self._say(f"{role} has stopped (exit code {code}); again in {pause:g} s")
         return None
 
     def _stop_all(self) -> None:
         # The viewer first, or its last picture would show a stage that the tracker has left; the
         # stage last: it is the hub over which the others give their final figures.
-        for role in ("view", "track", "stage"):
+        for role in sorted(self.children, key=lambda role: _LEAVING.index(role.split(".")[0])):
             if role == "stage":
                 time.sleep(0.1)
             self.children[role].stop()

@@ -5,50 +5,82 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Iterator
+from functools import partial
 
 from puppet.net.bus import Bus
 from puppet.net.health import Health
 from puppet.net.messages import SkeletonMessage, encode
-from puppet.skeleton import SkeletonFrame
+from puppet.skeleton import Moment
 from puppet.tracking.replay import Replay, paced
 from puppet.tracking.source import Source
 
 #: Seconds by which a frame may be published behind its time before it counts as late.
 LATE = 0.1
+#: The key of a camera without a name.
+ONLY_CAMERA = "camera"
+#: Seconds that a source gets to give its next moment after it was asked to end.
+PATIENCE = 1.0
 
 
-def run_track(source: Source, bus: Bus, stop: threading.Event) -> None:
-    """Publish a source's frames, each at its time, until it ends or `stop` is set."""
+def run_track(source: Source, bus: Bus, stop: threading.Event, camera: str = "") -> None:
+    """Publish a source's moments, each at its time, until it ends or `stop` is set.
+
+    camera: the name of the source in its show, where there are several.
+    """
     info = source.info
     stream_ns = time.monotonic_ns()
-    health = Health(bus, "track")
-    health.note = info.name
-    publish = bus.publisher("skeleton")
+    health = Health(bus, track_role(camera), partial(_look, source))
+    publish = bus.publisher(f"skeleton/{camera or ONLY_CAMERA}")
     bus.be_present("track", str(stream_ns))
     if not info.live:
         _wait_for_stage(bus, stop)  # or the beginning of a recording would be lost
     health.state = "running"
+    threading.Thread(target=_let_go, args=(source, stop), daemon=True).start()
     started: float | None = None
     try:
-        for due, frame in _timed(source):
+        for due, moment in _timed(source):
             now = time.monotonic()
             started = now - due if started is None else started
             if stop.wait(max(started + due - now, 0.0)):
                 break
             health.counters["late"] += now - (started + due) > LATE
             message = SkeletonMessage.of(
-                frame,
+                moment,
                 source=info.name,
+                camera=camera,
                 synthetic=info.synthetic,
                 stream_ns=stream_ns,
                 sent_ns=time.monotonic_ns(),
             )
             publish(encode(message))
             health.counters["frames"] += 1
-            health.counters["nobody"] += not frame.present
+            if info.live:  # how old what was seen is when it goes out
+                health.gauges["age_ms"] = 1000.0 * (time.monotonic() - moment.time)
+            health.counters["nobody"] += not moment.present
     finally:
         source.close()
         health.close()
+
+
+def _look(source: Source, health: Health) -> None:
+    """What the source says of itself, into the health."""
+    trouble = source.trouble
+    health.note = trouble or source.info.name
+    if health.state in ("running", "trouble"):
+        health.state = "trouble" if trouble else "running"
+    health.gauges.update(getattr(source, "milliseconds", {}))
+
+
+def _let_go(source: Source, stop: threading.Event) -> None:
+    """A camera in trouble gives no moment after which to look whether it is time to end."""
+    stop.wait()
+    time.sleep(PATIENCE)
+    source.close()
+
+
+def track_role(camera: str) -> str:
+    """What the health of a tracker is published as."""
+    return f"track.{camera}" if camera else "track"
 
 
 def _wait_for_stage(bus: Bus, stop: threading.Event) -> None:
@@ -63,8 +95,8 @@ def _wait_for_stage(bus: Bus, stop: threading.Event) -> None:
         pass
 
 
-def _timed(source: Source) -> Iterator[tuple[float, SkeletonFrame]]:
-    """Frames with the seconds, from the first one, at which each is due.
+def _timed(source: Source) -> Iterator[tuple[float, Moment]]:
+    """Moments with the seconds, from the first one, at which each is due.
 
     A live source comes in its own time. A recording says how fast it is to be played; a video file
     is played as it was filmed.
@@ -73,6 +105,6 @@ def _timed(source: Source) -> Iterator[tuple[float, SkeletonFrame]]:
         yield from paced(source)
         return
     first: float | None = None
-    for frame in source:
-        first = frame.time if first is None else first
-        yield (0.0 if source.info.live else frame.time - first), frame
+    for moment in source:
+        first = moment.time if first is None else first
+        yield (0.0 if source.info.live else moment.time - first), moment

@@ -23,7 +23,6 @@ from puppet.render.scene import Picture, PuppetOnStage, Status
 from puppet.render.staging import Staging
 from puppet.render.window import Window
 from puppet.show import PuppetConfig, ViewConfig
-from puppet.skeleton import SkeletonFrame
 
 #: Seconds to wait for a scene before looking whether it is time to end.
 PATIENCE = 0.1
@@ -120,16 +119,16 @@ class Viewer:
 
     def _picture(self, scene: SceneMessage) -> Picture:
         poses = {puppet.name: puppet.pose() for puppet in scene.puppets}
-        performer: SkeletonFrame | None = None
+        performers = [now.frame(scene.time, scene.sequence) for now in scene.performers]
+        idle = [now.performer for now in scene.performers if not now.parts]
         hip, heading = (0.0, 0.0, 0.0), 0.0
-        if scene.performer is not None:
-            performer = scene.performer.frame(scene.time, scene.sequence)
-            hip, heading = scene.performer.neutral_hip, scene.performer.neutral_heading
+        if scene.performers:
+            hip, heading = scene.performers[0].neutral_hip, scene.performers[0].neutral_heading
         status = None
         if self.overlay:
             fps, latency = self._figures
             status = Status(fps, latency, scene.source, _notes(scene))
-        return self.staging.picture(poses, performer, hip, heading, status)
+        return self.staging.picture(poses, performers, hip, heading, status, idle)
 
     def _meet_mapping(self, revision: int) -> None:
         """Ask the stage what drives what now, for the marks; the models stay as they are."""
@@ -168,7 +167,7 @@ def _notes(scene: SceneMessage) -> tuple[str, ...]:
     if not scene.source:
         return ("waiting for a tracker",)
     notes = ["synthetic"] if scene.synthetic else []
-    if scene.performer is not None and not scene.performer.measured:
+    if scene.performers and not scene.performers[0].measured:
         notes.append("stand still to calibrate")
     return tuple(notes)
 

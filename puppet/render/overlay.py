@@ -33,8 +33,10 @@ def lines(picture: Picture) -> tuple[str, str]:
     status = picture.status
     if status is None:
         return "", ""
-    present = picture.performer is not None and picture.performer.present
-    facts = [f"{picture.tracked}/{JOINT_COUNT} joints" if present else "nobody on stage"]
+    there = len(picture.present)
+    facts = [f"{picture.tracked}/{JOINT_COUNT} joints" if there else "nobody on stage"]
+    if there > 1:
+        facts.append(f"{there} performers")
     if status.fps is not None:
         facts.append(f"{status.fps:.0f} fps")
     if status.latency is not None:

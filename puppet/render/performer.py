@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -46,6 +46,18 @@ class Figure:
 
 
 NOBODY: Final = Figure(no_rods(), no_rods(), no_rods(), no_rods())
+
+
+def together(figures: Sequence[Figure]) -> Figure:
+    """Several figures as one; NOBODY if there is none."""
+    if len(figures) <= 1:
+        return figures[0] if figures else NOBODY
+    return Figure(
+        *(
+            np.concatenate([getattr(one, part) for one in figures])
+            for part in ("bones", "joints", "head", "hollow")
+        )
+    )
 
 
 def figure(joints: Floats, states: NDArray[np.uint8], mapped: Collection[int] = ()) -> Figure:

@@ -17,7 +17,7 @@ from puppet.render.context import is_software
 from puppet.render.halo import Halos
 from puppet.render.overlay import Overlay
 from puppet.render.palette import HUMAN_BONE_COLORS
-from puppet.render.performer import NOBODY, Figure, figure
+from puppet.render.performer import Figure, figure, together
 from puppet.render.program import load_program
 from puppet.render.rods import Manner, RodBatch, Rods, boxes_of, no_rods, rods
 from puppet.render.scene import Picture, PuppetOnStage
@@ -186,11 +186,17 @@ class Renderer:
         ]
 
     def _figure(self, picture: Picture) -> Figure:
-        joints = picture.performer_joints
-        if joints is None or picture.performer is None:
-            return NOBODY
         mapped = {human for skin in self._skins.values() for human in skin.pairs.values()}
-        return figure(joints, picture.performer.states, mapped)
+        return together(
+            [
+                figure(
+                    picture.in_world(frame),
+                    frame.states,
+                    () if frame.performer in picture.idle else mapped,
+                )
+                for frame in picture.present
+            ]
+        )
 
     def _draw_shadows(self, skins: list[Skin]) -> None:
         self._stage.begin_shadows()

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from types import MappingProxyType
 
@@ -50,14 +50,16 @@ class Picture:
     """The stage at one instant.
 
     poses: by the name of a puppet; a puppet without a pose is not drawn.
-    performer: whom to draw beside the puppets, or None.
-    performer_offset: metres, performer_yaw: radians about +Y; world_from_stage of the performer.
+    performers: whom to draw beside the puppets; the first is the one that the status speaks of.
+    idle: numbers of performers whom no puppet follows; they are drawn without colours.
+    performer_offset: metres, performer_yaw: radians about +Y; world_from_stage of performers.
     status: what the overlay says; None for no overlay.
     show_pairs: whether mapped bones are marked on the puppets.
     """
 
     poses: Mapping[str, Pose] = field(default_factory=lambda: MappingProxyType({}))
-    performer: SkeletonFrame | None = None
+    performers: Sequence[SkeletonFrame] = ()
+    idle: Collection[int] = ()
     performer_offset: tuple[float, float, float] = (0.0, 0.0, 0.0)
     performer_yaw: float = 0.0
     camera: Camera = Camera()
@@ -65,26 +67,28 @@ class Picture:
     show_pairs: bool = True
 
     @property
-    def performer_joints(self) -> Floats | None:
-        """(20, 3) metres in the world, or None if nobody is drawn."""
-        if self.performer is None or not self.performer.present:
-            return None
+    def present(self) -> tuple[SkeletonFrame, ...]:
+        """The performers who are there."""
+        return tuple(frame for frame in self.performers if frame.present)
+
+    def in_world(self, frame: SkeletonFrame) -> Floats:
+        """(20, 3) metres in the world: where a performer's joints are drawn."""
         sine, cosine = math.sin(self.performer_yaw), math.cos(self.performer_yaw)
         turn = np.array([[cosine, 0.0, sine], [0.0, 1.0, 0.0], [-sine, 0.0, cosine]])
-        joints: Floats = self.performer.positions @ turn.T + self.performer_offset
+        joints: Floats = frame.positions @ turn.T + self.performer_offset
         return joints
 
     @property
     def tracked(self) -> int:
-        """How many of the 20 joints are tracked."""
-        if self.performer is None:
+        """How many of the first performer's 20 joints are tracked."""
+        if not self.present:
             return 0
-        return int((self.performer.states == TrackingState.TRACKED).sum())
+        return int((self.present[0].states == TrackingState.TRACKED).sum())
 
     @property
     def state(self) -> TrackingState:
         """In one word: nobody there, partly inferred, or well tracked (15 joints or more)."""
-        if self.performer is None or not self.performer.present:
+        if not self.present:
             return TrackingState.NOT_TRACKED
         enough = self.tracked >= _TRACKED_ENOUGH
         return TrackingState.TRACKED if enough else TrackingState.INFERRED

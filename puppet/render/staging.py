@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping, Sequence
 
 import numpy as np
 
@@ -48,16 +48,18 @@ class Staging:
     def picture(
         self,
         poses: Mapping[str, Pose],
-        performer: SkeletonFrame | None,
+        performers: Sequence[SkeletonFrame],
         neutral_hip: Floats | tuple[float, float, float],
         neutral_heading: float,
         status: Status | None,
+        idle: Collection[int] = (),
     ) -> Picture:
-        """The performer is shown from the neutral stance's place and heading, facing the camera."""
+        """Performers are shown as they stand to each other: the first from the neutral stance's
+        place and heading, facing the camera."""
         offset = (0.0, 0.0, 0.0)
         place = self._view.performer
         if place is None:
-            performer = None
+            performers = ()
         else:
             # Put the neutral stance's place, on the floor, where the show wants the performer.
             sine, cosine = math.sin(-neutral_heading), math.cos(-neutral_heading)
@@ -69,7 +71,8 @@ class Staging:
             )
         return Picture(
             poses=poses,
-            performer=performer,
+            performers=performers,
+            idle=idle,
             performer_offset=offset,
             performer_yaw=-neutral_heading,
             camera=self.camera,

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from puppet.errors import UnavailableError
 from puppet.kernel import Floats, frozen
+from puppet.tracking.camera import Image
 from puppet.tracking.models import GET_MODELS, PoseModels
 
 LANDMARK_COUNT: Final = 33
@@ -41,7 +42,6 @@ REGION_MARGIN: Final = 1.25
 HEATMAP_WINDOW: Final = 7
 HEATMAP_SCORE: Final = 0.5
 
-Image = NDArray[np.uint8]
 Singles = NDArray[np.float32]
 
 

@@ -7,8 +7,6 @@ seen is then moved onto its line of sight, and what is not keeps the shape that 
 
 from __future__ import annotations
 
-import math
-from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
@@ -17,6 +15,7 @@ from numpy.typing import NDArray
 from puppet.kernel import Floats, frozen
 from puppet.skeleton import JOINT_COUNT, Joint, TrackingState
 from puppet.tracking.blazepose import LANDMARK_COUNT, Landmarks
+from puppet.tracking.intrinsics import Intrinsics
 
 #: Visibility is optimistic, so a landmark is called tracked late, and inferred again early.
 SEEN, UNSEEN = 0.8, 0.6
@@ -24,9 +23,6 @@ SEEN, UNSEEN = 0.8, 0.6
 THERE, GONE = 0.4, 0.2
 #: Visibility from which, and up to which, a landmark moves over to its line of sight.
 SIGHT_BEGINS, SIGHT_WHOLE = 0.3, 0.7
-#: Degrees along an image's longer side where nothing is known of the lens; phones and webcams
-#: have 55 to 80. A wrong guess moves the performer nearer or farther, and hardly bends the body.
-ASSUMED_ANGLE: Final = 60.0
 #: Nobody is nearer to the lens than this, metres.
 NEAREST: Final = 0.2
 #: How far away a body is, is the one thing that a single image tells badly: its half-life, s.
@@ -34,26 +30,6 @@ DISTANCE_HALF_LIFE: Final = 0.08
 
 _NOSE, _EARS = 0, (7, 8)
 _HIPS, _SHOULDERS = (23, 24), (11, 12)
-
-
-@dataclass(frozen=True, slots=True)
-class Intrinsics:
-    """A lens without distortion. All in pixels: focal length, and the middle of the image."""
-
-    focal: float
-    centre_x: float
-    centre_y: float
-
-    @classmethod
-    def assumed(cls, width: int, height: int, focal: float | None = None) -> Intrinsics:
-        """The lens of an image of which nothing but its size is known, or its focal length too."""
-        if focal is None:
-            focal = 0.5 * max(width, height) / math.tan(math.radians(0.5 * ASSUMED_ANGLE))
-        return cls(focal, 0.5 * (width - 1), 0.5 * (height - 1))
-
-    def rays(self, pixels: Floats) -> Floats:
-        """(N, 2) pixels -> (N, 2), x and y of their lines of sight at a distance of 1 (z away)."""
-        return np.asarray((pixels - (self.centre_x, self.centre_y)) / self.focal)
 
 
 def _mix(**joints: dict[int, float]) -> tuple[Floats, NDArray[np.bool_]]:

@@ -6,7 +6,9 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
-from puppet.errors import BadShowError
+from puppet.errors import BadShowError, UnavailableError
+from puppet.show import TrackingConfig
+from puppet.tracking.camera import Camera
 from puppet.tracking.replay import Repeat, Replay
 from puppet.tracking.source import Source
 from puppet.tracking.take import read_take
@@ -22,11 +24,13 @@ def open_source(
     repeat: Repeat = "once",
     speed: float = 1.0,
     max_rate: float | None = None,
+    tracking: TrackingConfig | None = None,
     warn: Callable[[str], None] = lambda _text: None,
 ) -> Source:
     """Open a source. Relative paths start from `folder`.
 
     repeat, speed, max_rate: of takes and the rehearsal; a video is played once, as it was filmed.
+    tracking: how people are looked for in the pictures of a camera.
     warn: called with each thing that was wrong but could be lived with.
     Raises BadShowError for something that is not a source, BadFileError for a file that cannot be
     read, UnavailableError if a camera or the pose models are missing.
@@ -42,10 +46,9 @@ def open_source(
             raise BadShowError(
                 "this is not a webcam", where="source", expected="webcam:0, webcam:1, …", found=text
             )
-        from puppet.tracking.models import model_paths
-        from puppet.tracking.video import VideoSource
+        from puppet.tracking.webcam import Webcam
 
-        return VideoSource(int(rest), models=model_paths())
+        return _watched(Webcam(int(rest)), tracking)
     path = Path(text) if folder is None else folder / text
     if not path.exists():
         raise BadShowError(
@@ -63,7 +66,18 @@ def open_source(
         if max_rate is not None:
             take = take.thinned(max_rate)
         return Replay.of(take, repeat=repeat, speed=speed)
-    from puppet.tracking.models import model_paths
-    from puppet.tracking.video import VideoSource
+    from puppet.tracking.video_file import VideoFile
 
-    return VideoSource(path, models=model_paths())
+    return _watched(VideoFile(path), tracking)
+
+
+def _watched(camera: Camera, tracking: TrackingConfig | None) -> Source:
+    from puppet.tracking.models import model_paths
+    from puppet.tracking.watcher import Watcher
+
+    try:
+        models = model_paths()
+    except UnavailableError:
+        camera.close()
+        raise
+    return Watcher(camera, models, tracking)

@@ -14,7 +14,7 @@ from puppet.formats.bvh_skeleton import bvh_to_skeleton
 from puppet.formats.kinect import read_kinect1_csv, read_kinect1_skl, read_kinect2_csv
 from puppet.formats.performance import ImportReport, Performance, skeleton_frames
 from puppet.formats.text import read_text
-from puppet.skeleton import SkeletonFrame
+from puppet.skeleton import Moment, SkeletonFrame
 from puppet.tracking.source import SourceInfo
 from puppet.tracking.take import MCAP_MAGIC, Take
 
@@ -34,7 +34,7 @@ class Imported:
     @property
     def take(self) -> Take:
         """The same as a take in memory."""
-        return Take(self.info, self.frames)
+        return Take(self.info, tuple(map(Moment.of, self.frames)))
 
 
 def import_recording(path: Path, *, rate: float = 60.0) -> Imported:

@@ -12,7 +12,7 @@ from typing import Final
 import numpy as np
 
 from puppet.kernel import Bytes, Floats
-from puppet.skeleton import JOINT_COUNT, Joint, SkeletonFrame, TrackingState, nobody
+from puppet.skeleton import JOINT_COUNT, Joint, Moment, SkeletonFrame, TrackingState, nobody
 from puppet.tracking.choreography import DURATION, EDGE, HIDDEN, SECTIONS, channel, feet
 from puppet.tracking.source import SourceInfo
 
@@ -58,11 +58,17 @@ class Rehearsal:
             licence="Apache-2.0",
         )
 
+    @property
+    def trouble(self) -> str:
+        return ""
+
     def __len__(self) -> int:
         return round(DURATION * self.rate)
 
-    def __iter__(self) -> Iterator[SkeletonFrame]:
-        return (self.frame(sequence / self.rate, sequence) for sequence in range(len(self)))
+    def __iter__(self) -> Iterator[Moment]:
+        return (
+            Moment.of(self.frame(sequence / self.rate, sequence)) for sequence in range(len(self))
+        )
 
     def frame(self, time: float, sequence: int = 0) -> SkeletonFrame:
         """What the tracker sees at `time` (s), which may lie beyond the end: it goes round."""

@@ -1,7 +1,7 @@
 """A take played: looped, from end to end, sought and stepped, with the timing it was recorded at.
 
 What is played is a pure function of what was asked; how fast is the caller's business (`delay`).
-So a take gives the same frames bit for bit at any speed.
+So a take gives the same moments bit for bit at any speed.
 """
 
 from __future__ import annotations
@@ -9,11 +9,10 @@ from __future__ import annotations
 import math
 from bisect import bisect_left
 from collections.abc import Iterator
-from dataclasses import replace
 from typing import Literal, Self
 
 from puppet.errors import BadShowError
-from puppet.skeleton import SkeletonFrame
+from puppet.skeleton import Moment
 from puppet.tracking.source import Source, SourceInfo
 from puppet.tracking.take import Take
 
@@ -24,9 +23,9 @@ Repeat = Literal["once", "loop", "ping-pong"]
 class Replay:
     """A take, played. It is a source itself; `seek`, `step` and `paused` steer it.
 
-    Frames of the first pass are those of the take, untouched. From then on times and sequence
+    Moments of the first pass are those of the take, untouched. From then on times and sequence
     numbers go on growing by the recorded spacing, whichever way the take runs; after a jump (the
-    seam of a loop, `seek`, `step`) the next frame comes one nominal frame later.
+    seam of a loop, `seek`, `step`) the next moment comes one nominal frame later.
 
     repeat: what happens at the end. speed: how much faster than recorded; it changes `delay` only.
     Both may be set at any time, as may `paused`.
@@ -35,15 +34,15 @@ class Replay:
     """
 
     def __init__(self, take: Take, *, repeat: Repeat = "once", speed: float = 1.0) -> None:
-        self._frames = take.frames
+        self._moments = take.moments
         self._info = take.info
         self.repeat: Repeat = repeat
         self.paused = False
         self.speed = speed
-        self._now = -1  # index of the frame that was given last
+        self._now = -1  # index of the moment that was given last
         self._forward = True
-        self._last: SkeletonFrame | None = None
-        self._target: int | None = 0 if self._frames else None
+        self._last: Moment | None = None
+        self._target: int | None = 0 if self._moments else None
         self._jumped = False
         # What is added to the recorded time and sequence number, or what they are taken from.
         self._time_base, self._sequence_base = 0.0, 0
@@ -59,6 +58,10 @@ class Replay:
         return self._info
 
     @property
+    def trouble(self) -> str:
+        return ""
+
+    @property
     def speed(self) -> float:
         return self._speed
 
@@ -71,24 +74,24 @@ class Replay:
         self._speed = speed
 
     def __len__(self) -> int:
-        return len(self._frames) if self.repeat == "once" else 0
+        return len(self._moments) if self.repeat == "once" else 0
 
     def close(self) -> None:
         """Nothing to let go of."""
 
-    def __iter__(self) -> Iterator[SkeletonFrame]:
-        while (frame := self.advance()) is not None:
-            yield frame
+    def __iter__(self) -> Iterator[Moment]:
+        while (moment := self.advance()) is not None:
+            yield moment
 
     @property
     def position(self) -> float:
-        """Where in the take the frame is that was given last, s from its beginning."""
-        return self._offset(max(self._now, 0)) if self._frames else 0.0
+        """Where in the take the moment is that was given last, s from its beginning."""
+        return self._offset(max(self._now, 0)) if self._moments else 0.0
 
     @property
     def delay(self) -> float | None:
-        """Wall-clock seconds from the frame given last to the next; None if there is none to wait
-        for: paused, or over. The first frame is due at once.
+        """Wall-clock seconds from the moment given last to the next; None if there is none to wait
+        for: paused, or over. The first moment is due at once.
         """
         if self.paused or self._target is None:
             return None
@@ -96,60 +99,59 @@ class Replay:
             return 0.0
         return max(0.0, self._stamped(self._target)[0] - self._last.time) / self._speed
 
-    def advance(self) -> SkeletonFrame | None:
-        """The next frame, paused or not; None when a take that is played once is over."""
+    def advance(self) -> Moment | None:
+        """The next moment, paused or not; None when a take that is played once is over."""
         return None if self._target is None else self._give(self._target)
 
     def seek(self, seconds: float) -> None:
-        """Go on with the first frame at or after `seconds` from the beginning of the take."""
-        if self._frames:
-            first = self._frames[0].time
-            index = bisect_left(self._frames, seconds, key=lambda frame: frame.time - first)
-            self._target = min(index, len(self._frames) - 1)
+        """Go on with the first moment at or after `seconds` from the beginning of the take."""
+        if self._moments:
+            first = self._moments[0].time
+            index = bisect_left(self._moments, seconds, key=lambda moment: moment.time - first)
+            self._target = min(index, len(self._moments) - 1)
             self._jumped = self._last is not None
 
-    def step(self, frames: int = 1) -> SkeletonFrame | None:
-        """The frame that many frames on in the take (back, if negative), and go on from there.
+    def step(self, moments: int = 1) -> Moment | None:
+        """The moment that many on in the take (back, if negative), and go on from there.
 
         A loop goes round; else it stops at the ends. None for an empty take.
         """
-        if not self._frames:
+        if not self._moments:
             return None
-        index = max(self._now, 0) + frames
-        count = len(self._frames)
+        index = max(self._now, 0) + moments
+        count = len(self._moments)
         index = index % count if self.repeat == "loop" else min(max(index, 0), count - 1)
         self._jumped = self._last is not None
         return self._give(index)
 
     def _offset(self, index: int) -> float:
-        return self._frames[index].time - self._frames[0].time
+        return self._moments[index].time - self._moments[0].time
 
-    def _give(self, index: int) -> SkeletonFrame:
-        frame = self._frames[index]
+    def _give(self, index: int) -> Moment:
+        moment = self._moments[index]
         time, sequence, self._time_base, self._sequence_base = self._stamped(index)
-        if (time, sequence) != (frame.time, frame.sequence):
-            frame = replace(frame, time=time, sequence=sequence)
-        self._last, self._now, self._jumped = frame, index, False
+        moment = moment.at(time, sequence)
+        self._last, self._now, self._jumped = moment, index, False
         self._aim()
-        return frame
+        return moment
 
     def _stamped(self, index: int) -> tuple[float, int, float, int]:
-        """Time and sequence number of the frame when it comes next, and the bases they are from."""
-        frame, last = self._frames[index], self._last
+        """Time and sequence number of the moment when it comes next, and their bases."""
+        moment, last = self._moments[index], self._last
         sign = 1 if self._forward else -1
         time_base, sequence_base = self._time_base, self._sequence_base
-        time, sequence = time_base + sign * frame.time, sequence_base + sign * frame.sequence
+        time, sequence = time_base + sign * moment.time, sequence_base + sign * moment.sequence
         if last is not None and (self._jumped or time < last.time):
             time, sequence = last.time + 1.0 / max(self._info.rate, 1.0), last.sequence + 1
-            time_base, sequence_base = time - sign * frame.time, sequence - sign * frame.sequence
+            time_base, sequence_base = time - sign * moment.time, sequence - sign * moment.sequence
         elif last is not None and sequence < last.sequence:
             sequence = last.sequence + 1
-            sequence_base = sequence - sign * frame.sequence
+            sequence_base = sequence - sign * moment.sequence
         return time, sequence, time_base, sequence_base
 
     def _aim(self) -> None:
-        """Decide which frame is next."""
-        end = len(self._frames) - 1
+        """Decide which moment is next."""
+        end = len(self._moments) - 1
         if self._now != (end if self._forward else 0):
             self._target = self._now + (1 if self._forward else -1)
         elif self.repeat == "once":
@@ -161,23 +163,23 @@ class Replay:
             self._target = self._now + (1 if self._forward else -1)
 
     def _turn(self) -> None:
-        """Run the other way from here, so that the frame given last keeps its time."""
+        """Run the other way from here, so that the moment given last keeps its time."""
         assert self._last is not None
         self._forward = not self._forward
-        sign, frame = (1 if self._forward else -1), self._frames[self._now]
-        self._time_base = self._last.time - sign * frame.time
-        self._sequence_base = self._last.sequence - sign * frame.sequence
+        sign, moment = (1 if self._forward else -1), self._moments[self._now]
+        self._time_base = self._last.time - sign * moment.time
+        self._sequence_base = self._last.sequence - sign * moment.sequence
 
 
-def paced(replay: Replay) -> Iterator[tuple[float, SkeletonFrame]]:
-    """Frames with the wall-clock seconds, from the first one, at which each is due.
+def paced(replay: Replay) -> Iterator[tuple[float, Moment]]:
+    """Moments with the wall-clock seconds, from the first one, at which each is due.
 
-    For a process that waits: ``wait until start + due; publish(frame)``. Speed may change on the
+    For a process that waits: ``wait until start + due; publish(moment)``. Speed may change on the
     way. It ends when the take does, or when it is paused; start again to go on.
     """
     due = 0.0
     while (delay := replay.delay) is not None:
         due += delay
-        frame = replay.advance()
-        assert frame is not None
-        yield due, frame
+        moment = replay.advance()
+        assert moment is not None
+        yield due, moment

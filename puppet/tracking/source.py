@@ -1,4 +1,4 @@
-"""What every source is: an iterable of skeleton frames with a description of itself."""
+"""What every source is: an iterable of moments with a description of itself."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Protocol
 
-from puppet.skeleton import SkeletonFrame
+from puppet.skeleton import Moment
 
 #: The plane ``normal · p + distance = 0`` in the stage frame, normal pointing up: (nx, ny, nz, d).
 Plane = tuple[float, float, float, float]
@@ -17,7 +17,7 @@ class SourceInfo:
     """What a source says of itself; a take keeps it as metadata.
 
     name: for people, "webcam:0", "cam01.mp4". kind: "video", "webcam", "kinect1-csv", "rehearsal".
-    rate: nominal frames a second. synthetic: no person was there. live: frames come in real time
+    rate: nominal moments a second. synthetic: no person was there. live: they come in real time
     and cannot be asked for again. floor: the floor plane, where it is known. note: one line.
     """
 
@@ -32,16 +32,21 @@ class SourceInfo:
 
 
 class Source(Protocol):
-    """Frames in capture order. A live source blocks until its next frame; others never wait."""
+    """Moments in capture order. A live source blocks until its next one; others never wait."""
 
     @property
     def info(self) -> SourceInfo: ...
 
-    def __len__(self) -> int:
-        """How many frames there are; 0 if that cannot be known."""
+    @property
+    def trouble(self) -> str:
+        """What keeps it from giving moments now, as a sentence for people; empty if all is well."""
         ...
 
-    def __iter__(self) -> Iterator[SkeletonFrame]: ...
+    def __len__(self) -> int:
+        """How many moments there are; 0 if that cannot be known."""
+        ...
+
+    def __iter__(self) -> Iterator[Moment]: ...
 
     def close(self) -> None:
         """Let go of the device or file. May be called twice."""

@@ -23,7 +23,7 @@ from mcap.writer import CompressionType, Writer
 
 from puppet import __version__
 from puppet.errors import BadFileError
-from puppet.skeleton import JOINT_COUNT, JOINT_NAMES, SkeletonFrame
+from puppet.skeleton import JOINT_COUNT, JOINT_NAMES, Moment, SkeletonFrame, nobody
 from puppet.tracking.source import SourceInfo
 
 FORMAT_VERSION: Final = 1
@@ -41,7 +41,8 @@ NANOSECONDS: Final = 1_000_000_000
 SCHEMA: Final[dict[str, Any]] = {
     "$schema": "https://json-schema.org/draft/2020-12/schema",
     "title": SCHEMA_NAME,
-    "description": "One performer at one instant. Stage frame: right-handed, +Y up, facing +Z.",
+    "description": "One performer at one instant; performers of the same instant follow each other "
+    "with the same time. Stage frame: right-handed, +Y up, facing +Z.",
     "type": "object",
     "required": ["time", "sequence", "performer", "positions", "states"],
     "properties": {
@@ -99,8 +100,15 @@ class TakeWriter:
         self._flushed = 0.0
         self._encoder = msgspec.json.Encoder()
 
-    def write(self, frame: SkeletonFrame) -> None:
-        """Append a frame. Positions are kept to a tenth of a millimetre."""
+    def write(self, moment: Moment) -> None:
+        """Append a moment. Positions are kept to a tenth of a millimetre."""
+        for frame in moment.frames or (nobody(moment.time, moment.sequence),):
+            self._write(frame)
+        if abs(moment.time - self._flushed) >= CHUNK_SECONDS:
+            self._flushed = moment.time
+            self._file.flush()
+
+    def _write(self, frame: SkeletonFrame) -> None:
         message = _Message(
             time=round(float(frame.time), 6),
             sequence=frame.sequence,
@@ -118,9 +126,6 @@ class TakeWriter:
             sequence=frame.sequence & 0xFFFFFFFF,
             data=self._encoder.encode(message),
         )
-        if abs(frame.time - self._flushed) >= CHUNK_SECONDS:
-            self._flushed = frame.time
-            self._file.flush()
 
     def close(self) -> None:
         """Finish the file: summary, index and footer. May be called twice."""
@@ -164,42 +169,66 @@ class Take:
     """
 
     info: SourceInfo
-    frames: tuple[SkeletonFrame, ...]
+    moments: tuple[Moment, ...]
     warnings: tuple[str, ...] = ()
 
-    def __len__(self) -> int:
-        return len(self.frames)
+    @property
+    def trouble(self) -> str:
+        return ""
 
-    def __iter__(self) -> Iterator[SkeletonFrame]:
-        return iter(self.frames)
+    def __len__(self) -> int:
+        return len(self.moments)
+
+    def __iter__(self) -> Iterator[Moment]:
+        return iter(self.moments)
 
     def close(self) -> None:
         """Nothing to let go of."""
 
     def thinned(self, rate: float) -> Take:
-        """The take with at most `rate` frames a second, evenly picked."""
-        kept: list[SkeletonFrame] = []
-        for frame in self.frames:
+        """The take with at most `rate` moments a second, evenly picked."""
+        kept: list[Moment] = []
+        for moment in self.moments:
             # Half a frame of tolerance, so that 60 a second become 30 and not 20.
-            if not kept or frame.time - kept[-1].time >= 1.0 / rate - 0.5 / self.info.rate:
-                kept.append(replace(frame, sequence=len(kept)))
+            if not kept or moment.time - kept[-1].time >= 1.0 / rate - 0.5 / self.info.rate:
+                kept.append(moment.at(moment.time, len(kept)))
         return replace(
-            self, frames=tuple(kept), info=replace(self.info, rate=min(rate, self.info.rate))
+            self, moments=tuple(kept), info=replace(self.info, rate=min(rate, self.info.rate))
         )
 
     @property
     def duration(self) -> float:
-        """Seconds from the first frame to the last."""
-        return self.frames[-1].time - self.frames[0].time if self.frames else 0.0
+        """Seconds from the first moment to the last."""
+        return self.moments[-1].time - self.moments[0].time if self.moments else 0.0
 
 
-def write_take(path: Path, info: SourceInfo, frames: Iterable[SkeletonFrame]) -> int:
-    """Write a whole take; returns how many frames it has."""
+def write_take(path: Path, info: SourceInfo, moments: Iterable[Moment]) -> int:
+    """Write a whole take; returns how many moments it has."""
     count = 0
     with TakeWriter(path, info) as writer:
-        for count, frame in enumerate(frames, start=1):  # noqa: B007
-            writer.write(frame)
+        for count, moment in enumerate(moments, start=1):  # noqa: B007
+            writer.write(moment)
     return count
+
+
+def moments_of(frames: Iterable[SkeletonFrame]) -> Iterator[Moment]:
+    """Frames in capture order as moments: those of one time and sequence number belong together.
+
+    Raises ValueError if a performer is in one moment twice.
+    """
+    together: list[SkeletonFrame] = []
+    for frame in frames:
+        if together and (frame.time, frame.sequence) != (together[0].time, together[0].sequence):
+            yield _moment(together)
+            together = []
+        together.append(frame)
+    if together:
+        yield _moment(together)
+
+
+def _moment(frames: list[SkeletonFrame]) -> Moment:
+    present = tuple(frame for frame in frames if frame.present)
+    return Moment(frames[0].time, frames[0].sequence, present)
 
 
 def read_take(path: Path) -> Take:
@@ -263,7 +292,11 @@ def _read(path: Path, file: BinaryIO) -> Take:
             found="none",
             hint="`puppet record` and `puppet import` write takes",
         )
-    return Take(_info(path, metadata), tuple(frames), tuple(warnings))
+    try:
+        moments = tuple(moments_of(frames))
+    except ValueError as error:
+        raise BadFileError("the take contradicts itself", where=path, found=str(error)) from None
+    return Take(_info(path, metadata), moments, tuple(warnings))
 
 
 def _frame(decoder: msgspec.json.Decoder[_Message], data: bytes, where: str) -> SkeletonFrame:

@@ -1,0 +1,48 @@
+"""One performer on the line: conditioned joints, and the neutral stance that they count from."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from puppet.mapping.stance import Stance
+from puppet.show import ConditioningConfig
+from puppet.skeleton import SkeletonFrame, nobody
+from puppet.tracking.condition import Conditioner
+from puppet.tracking.neutral import NeutralStance
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PerformerTick:
+    """A performer after one step.
+
+    raw: what the tracker said; joints that it did not see are not tracked. frame: the conditioned
+    skeleton. neutral: the stance that puppets count from; None until somebody was seen.
+    measured: whether that stance was really seen. anew: whether it is another one since the last
+    step.
+    """
+
+    raw: SkeletonFrame
+    frame: SkeletonFrame
+    neutral: Stance | None
+    measured: bool
+    anew: bool = False
+
+
+class Performer:
+    """The memory of one performer. `number` is what the tracker calls them."""
+
+    def __init__(self, number: int, conditioning: ConditioningConfig | None = None) -> None:
+        self.number = number
+        self.seen = 0.0  # capture time at which somebody was there last
+        self.condition = Conditioner(conditioning)
+        self.neutral = NeutralStance()
+
+    def step(self, frame: SkeletonFrame | None, time: float, sequence: int) -> PerformerTick:
+        """Take in what is seen of them, or None: then holding and easing go on."""
+        if frame is None:
+            frame = nobody(time, sequence, self.number)
+        elif frame.present:
+            self.seen = time
+        conditioned = self.condition(frame)
+        anew = self.neutral(conditioned)
+        return PerformerTick(frame, conditioned, self.neutral.stance, self.neutral.measured, anew)

@@ -1,0 +1,154 @@
+"""The way from a camera's shots to skeletons, the same for every camera, live or replayed.
+
+shot ──people──▶ landmarks of each performer ──body──▶ joints ──level──▶ stage frame
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from functools import partial
+
+from puppet.errors import UnavailableError
+from puppet.show import TrackingConfig
+from puppet.skeleton import Moment, SkeletonFrame
+from puppet.tracking.body import Body
+from puppet.tracking.camera import Camera, Shot
+from puppet.tracking.level import Level
+from puppet.tracking.models import PoseModels
+from puppet.tracking.people import People, Seen
+from puppet.tracking.source import Plane, SourceInfo
+
+#: A recording is levelled by so many seconds of its first performer; only then do moments come out.
+LEVEL_SECONDS = 1.0
+FLOOR: Plane = (0.0, 1.0, 0.0, 0.0)
+
+
+class Watcher:
+    """Skeletons of the people before a camera. It is a `Source`.
+
+    Moments in which nobody is seen are there, too, and empty. What is not live can be gone through
+    again and again, with the same result each time.
+    """
+
+    def __init__(
+        self,
+        camera: Camera,
+        models: PoseModels,
+        tracking: TrackingConfig | None = None,
+        *,
+        floor: float | None = None,
+    ) -> None:
+        """floor: metres from the floor up to the camera; None if that is to be learnt.
+
+        Closes the camera and raises UnavailableError for models that cannot be loaded.
+        """
+        self.camera = camera
+        self._tracking = tracking or TrackingConfig()
+        self._floor = floor
+        about = camera.info
+        self._info = SourceInfo(
+            about.name,
+            about.kind,
+            about.rate,
+            live=about.live,
+            floor=FLOOR,
+            note=about.note,
+            licence=about.licence,
+        )
+        try:
+            self._people = People(models)
+        except UnavailableError:
+            camera.close()
+            raise
+
+    @property
+    def info(self) -> SourceInfo:
+        return self._info
+
+    @property
+    def trouble(self) -> str:
+        return self.camera.trouble
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What was wrong and could be lived with; complete when the moments are over."""
+        return self.camera.warnings
+
+    def __len__(self) -> int:
+        return len(self.camera)
+
+    def __iter__(self) -> Iterator[Moment]:
+        self._people.reset()
+        self._bodies: dict[int, Body] = {}
+        self._level: Level | None = None
+        moments = self._unlevelled()
+        return self._live(moments) if self.info.live else self._settled(moments)
+
+    def close(self) -> None:
+        """Let go of the camera. May be called twice."""
+        self.camera.close()
+
+    def _unlevelled(self) -> Iterator[Moment]:
+        """Moments in the camera's own axes."""
+        for shot in self.camera:
+            if self._level is None:
+                up = None if shot.up is None else shot.up * (1.0, -1.0, -1.0)
+                self._level = Level(up, self._floor)
+            seen = self._people.look(shot)
+            self._bodies = {
+                one.performer: self._bodies.get(one.performer) or Body() for one in seen
+            }
+            frames = tuple(self._frame(one, shot) for one in seen)
+            yield Moment(shot.time, shot.sequence, frames)
+
+    def _frame(self, one: Seen, shot: Shot) -> SkeletonFrame:
+        again = partial(self._people.look_again, shot, one)
+        positions, states = self._bodies[one.performer].joints(one.landmarks, shot, again)
+        return SkeletonFrame(shot.time, shot.sequence, one.performer, positions, states)
+
+    def _live(self, moments: Iterator[Moment]) -> Iterator[Moment]:
+        for moment in moments:
+            self._observe(moment)
+            yield self._levelled(moment)
+
+    def _settled(self, moments: Iterator[Moment]) -> Iterator[Moment]:
+        """Nothing before the first performer needs levelling; from there on moments wait until
+        enough has been seen of them, and the level stays as it is then."""
+        waiting: list[Moment] = []
+        settled = False
+        for moment in moments:
+            if settled or not (waiting or moment.present):
+                yield self._levelled(moment)
+                continue
+            waiting.append(moment)
+            self._observe(moment)
+            if moment.time - waiting[0].time >= LEVEL_SECONDS:
+                settled = True
+                yield from self._all_levelled(waiting)
+                waiting.clear()
+        yield from self._all_levelled(waiting)
+
+    def _observe(self, moment: Moment) -> None:
+        assert self._level is not None
+        for frame in moment.frames:
+            self._level.observe(frame.positions, frame.states)
+
+    def _all_levelled(self, moments: list[Moment]) -> Iterator[Moment]:
+        if self._level is not None:
+            self._level.settle()
+        yield from map(self._levelled, moments)
+
+    def _levelled(self, moment: Moment) -> Moment:
+        level = self._level
+        assert level is not None
+        frames = tuple(
+            SkeletonFrame(
+                frame.time,
+                frame.sequence,
+                frame.performer,
+                level.to_stage(frame.positions),
+                frame.states,
+            )
+            for frame in moment.frames
+        )
+        return Moment(moment.time, moment.sequence, frames)
