@@ -17,6 +17,7 @@ from puppet.tracking.level import Level
 from puppet.tracking.models import PoseModels
 from puppet.tracking.people import People, Seen
 from puppet.tracking.source import Plane, SourceInfo
+from puppet.tracking.stopwatch import Stopwatch
 
 #: A recording is levelled by so many seconds of its first performer; only then do moments come out.
 LEVEL_SECONDS = 1.0
@@ -43,6 +44,7 @@ class Watcher:
         Closes the camera and raises UnavailableError for models that cannot be loaded.
         """
         self.camera = camera
+        self._stopwatch = Stopwatch()
         self._tracking = tracking or TrackingConfig()
         self._floor = floor
         about = camera.info
@@ -74,6 +76,11 @@ class Watcher:
         """What was wrong and could be lived with; complete when the moments are over."""
         return self.camera.warnings
 
+    @property
+    def milliseconds(self) -> dict[str, float]:
+        """What each stage takes, on average over the last moments."""
+        return self._stopwatch.milliseconds
+
     def __len__(self) -> int:
         return len(self.camera)
 
@@ -90,16 +97,21 @@ class Watcher:
 
     def _unlevelled(self) -> Iterator[Moment]:
         """Moments in the camera's own axes."""
+        self._stopwatch.start()
         for shot in self.camera:
+            self._stopwatch.lap("camera_ms")
             if self._level is None:
                 up = None if shot.up is None else shot.up * (1.0, -1.0, -1.0)
                 self._level = Level(up, self._floor)
             seen = self._people.look(shot)
+            self._stopwatch.lap("people_ms")
             self._bodies = {
                 one.performer: self._bodies.get(one.performer) or Body() for one in seen
             }
             frames = tuple(self._frame(one, shot) for one in seen)
+            self._stopwatch.lap("bodies_ms")
             yield Moment(shot.time, shot.sequence, frames)
+            self._stopwatch.start()
 
     def _frame(self, one: Seen, shot: Shot) -> SkeletonFrame:
         again = partial(self._people.look_again, shot, one)
