@@ -102,24 +102,59 @@ class PuppetConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     part: str = ""
 
 
-class ConditioningConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """Knobs of conditioning; every one of them a half-life or a time in seconds.
+class KinectConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """Holt's smoothing by the names of the Kinect SDK 1.x, which counts in frames of 1/30 s.
 
-    smoothing: half-life of a joint at rest. quickness: how much sooner a fast joint is followed:
-        at 1 m/s its half-life is divided by 1 + quickness.
-    inferred: how many times slower an inferred joint is followed.
-    hold: how long a lost joint keeps its place before its influence fades.
-    fade: half-life of the fading. regain: half-life of taking over again.
-    tips: how many times slower the short bones of hands and feet are followed.
+    preset: one of the three that its documentation proposes; what is said beside it counts more.
+    smoothing: share of the old that is kept from frame to frame. correction: share of the new that
+        the trend takes on. prediction: frames that it looks ahead.
+    jitter_radius: metres within which a joint is steadied more. max_deviation_radius: metres from
+        where a joint is seen that it may be shown at most.
     """
 
+    preset: Literal["gestures", "menus", "smoothest"] = "gestures"
+    smoothing: float | None = None
+    correction: float | None = None
+    prediction: float | None = None
+    jitter_radius: float | None = None
+    max_deviation_radius: float | None = None
+
+
+class HoltConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """The same by half-lives, seconds: level, of the place; trend, of the velocity."""
+
+    level: float = 0.04
+    trend: float = 0.04
+    jitter_radius: float = 0.05
+    max_deviation_radius: float = 0.04
+
+
+class ConditioningConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """Knobs of conditioning; half-lives and times in seconds, but where it says otherwise.
+
+    filter: One Euro, or Holt's double exponential, which has its knobs in `kinect` or in `holt`.
+    smoothing: half-life of a joint at rest. quickness: how much sooner a fast joint is followed:
+        at 1 m/s its half-life is divided by 1 + quickness. tips: how many times slower the short
+        bones of hands and feet are followed. All three of One Euro.
+    inferred: how many times slower an inferred joint is followed.
+    prediction: how far ahead of what is seen joints are shown, and prediction_limit, metres, how
+        far from it at most.
+    hold: how long a lost joint keeps its place before its influence fades.
+    fade: half-life of the fading. regain: half-life of taking over again.
+    """
+
+    filter: Literal["one-euro", "holt"] = "one-euro"
     smoothing: float = 0.08
     quickness: float = 6.0
+    tips: float = 2.5
     inferred: float = 4.0
+    prediction: float = 0.0
+    prediction_limit: float = 0.1
     hold: float = 0.5
     fade: float = 0.35
-    regain: float = 0.12
-    tips: float = 2.5
+    regain: float = 0.2
+    kinect: KinectConfig | None = None
+    holt: HoltConfig | None = None
 
 
 class BusConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -246,13 +281,36 @@ def _check(show: Show, path: Path) -> None:
     if not 1 <= show.tracking.performers <= MOST_PERFORMERS:
         most = f"must be from 1 to {MOST_PERFORMERS}"
         fail("tracking.performers", most, show.tracking.performers)
-    for key in show.conditioning.__struct_fields__:
-        value = getattr(show.conditioning, key)
-        if not (math.isfinite(value) and value >= 0.0):
-            fail(f"conditioning.{key}", "must be 0 or more", value)
+    _check_conditioning(show.conditioning, fail)
     for key in ("width", "height"):
         if not 16 <= getattr(show.view, key) <= 8192:
             fail(f"view.{key}", "must be from 16 to 8192 pixels", getattr(show.view, key))
+
+
+def _check_conditioning(
+    conditioning: ConditioningConfig, fail: Callable[[str, str, object], None]
+) -> None:
+    tables = [key for key in ("kinect", "holt") if getattr(conditioning, key) is not None]
+    if len(tables) > 1:
+        what = "Holt's knobs are the Kinect's names or half-lives, not both"
+        fail("conditioning", what, "[conditioning.kinect] and [conditioning.holt]")
+    if tables and conditioning.filter != "holt":
+        what = f'[conditioning.{tables[0]}] needs filter = "holt"'
+        fail("conditioning.filter", what, conditioning.filter)
+    for place, struct in (
+        ("conditioning", conditioning),
+        ("conditioning.kinect", conditioning.kinect),
+        ("conditioning.holt", conditioning.holt),
+    ):
+        for key in getattr(struct, "__struct_fields__", ()):
+            value = getattr(struct, key)
+            if isinstance(value, int | float) and not (math.isfinite(value) and value >= 0.0):
+                fail(f"{place}.{key}", "must be 0 or more", value)
+    kinect = conditioning.kinect or KinectConfig()
+    if (kinect.smoothing or 0.0) > 0.99:
+        fail("conditioning.kinect.smoothing", "must be from 0 to 0.99", kinect.smoothing)
+    if (kinect.correction or 0.0) > 1.0:
+        fail("conditioning.kinect.correction", "must be from 0 to 1", kinect.correction)
 
 
 def _check_sources(show: Show, fail: Callable[[str, str, object], None]) -> None:
