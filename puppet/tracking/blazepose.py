@@ -1,14 +1,15 @@
 """BlazePose: 33 landmarks of one person in an image, in pixels and in metres.
 
-A detector looks for people in the whole image, only while nobody is followed; a landmark network
-then looks at a square, turned so that the body stands upright in it, and finds with the landmarks
-where that square has to be in the next image. (Bazarevsky 2020, "BlazePose"; the numbers below
-are those with which the two networks were trained.)
+A detector looks for people in the whole image; a landmark network then looks at a square, turned so
+that the body stands upright in it, and finds with the landmarks where that square has to be in the
+next image. (Bazarevsky 2020, "BlazePose"; the numbers below are those with which the two networks
+were trained.) Each finds one person well and others badly: so those who are known are painted out.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
 from typing import Any, Final
@@ -22,6 +23,7 @@ from puppet.errors import UnavailableError
 from puppet.kernel import Floats, frozen
 from puppet.tracking.camera import Image
 from puppet.tracking.models import GET_MODELS, PoseModels
+from puppet.tracking.paint_out import paint_out
 
 LANDMARK_COUNT: Final = 33
 #: Two more points that the network gives, from which the next region is made.
@@ -84,6 +86,7 @@ class Landmarks:
     visibility: (33,) in 0..1, seen and not hidden. It is optimistic.
     presence: (33,) in 0..1, inside the image, seen or not.
     score: in 0..1, that there is a person at all. region: where it was looked for.
+    following: where to look in the next image; None if that is not known.
     """
 
     pixels: Floats
@@ -92,45 +95,70 @@ class Landmarks:
     presence: Floats
     score: float
     region: Region
+    following: Region | None = None
+
+    @property
+    def extent(self) -> float:
+        """The side of the square about the body, pixels."""
+        return (self.following or self.region).side
 
 
 class BlazePose:
-    """Follows one person from image to image.
-
-    When nobody is followed, the largest person that the detector finds is taken.
-    """
+    """Finds people in images. It remembers nothing, and may be asked from several threads."""
 
     def __init__(self, models: PoseModels) -> None:
         self._detector = _session(models.detector)
         self._landmarker = _session(models.landmarks)
-        self._region: Region | None = None
 
-    def reset(self) -> None:
-        """Forget whom it followed."""
-        self._region = None
+    def look(
+        self, image: Image, region: Region, without: Sequence[Landmarks] = ()
+    ) -> Landmarks | None:
+        """The person in that region of `image`, (H, W, 3), BGR; None if there is nobody.
 
-    def track(self, image: Image) -> Landmarks | None:
-        """The person in `image`, (H, W, 3), BGR as OpenCV gives it; None if there is nobody."""
-        found = None if self._region is None else self._look(image, self._region)
-        if found is None:
-            looks = (self._look(image, region) for region in self.detect(image))
-            found = next((look for look in looks if look is not None), None)
-        self._region = None if found is None else found[1]
-        return None if found is None else found[0]
+        without: people who are painted out first.
+        """
+        image_from_region = region.image_from_region()
+        crop = _crop(image, image_from_region, without)
+        names = ["landmarks", "score", "heatmap", "world"]
+        points, score, heatmap, world = self._landmarker.run(names, {"input_1": crop})
+        # `not >`: a network that gives NaN has found nobody either.
+        if not score[0, 0] > PRESENCE_SCORE:
+            return None
+        # x, y, z in pixels of the crop, logit of visibility, logit of presence
+        points = points.reshape(POINT_COUNT, 5).astype(float)
+        visibility, presence = _sigmoid(points[:LANDMARK_COUNT, 3:]).T
+        inside = points[:, :2] / LANDMARK_SIDE
+        _refine(inside, heatmap[0])
+        pixels = (inside - 0.5) @ image_from_region[:, :2].T + image_from_region[:, 2]
+        centre, edge = pixels[[REGION_CENTRE, REGION_EDGE]]
+        following = Region.around(centre, edge) if math.dist(centre, edge) > 1.0 else None
+        # The world landmarks are upright in the region, too: they turn back with it.
+        metres = world.reshape(POINT_COUNT, 3)[:LANDMARK_COUNT].astype(float)
+        metres[:, :2] = metres[:, :2] @ (image_from_region[:, :2] / region.side).T
+        return Landmarks(
+            pixels[:LANDMARK_COUNT],
+            metres,
+            visibility,
+            presence,
+            float(score[0, 0]),
+            region,
+            following,
+        )
 
-    def look(self, image: Image, region: Region) -> Landmarks | None:
-        """The person in that region of `image`; does not change whom it follows."""
-        found = self._look(image, region)
-        return None if found is None else found[0]
+    def detect(self, image: Image, without: Sequence[Landmarks] = ()) -> list[Region]:
+        """The people in `image`, (H, W, 3), BGR, the largest first.
 
-    def detect(self, image: Image) -> list[Region]:
-        """The people in `image`, the largest first."""
+        without: people who are painted out first.
+        """
         height, width = image.shape[:2]
         # The network takes the whole image in the middle of a black square.
         scale = DETECTOR_SIDE / max(height, width)
         shift = 0.5 * (DETECTOR_SIDE - scale * np.array([width, height]))
         to_square = np.column_stack([np.eye(2) * scale, shift + 0.5 * (scale - 1.0)])
-        square = cv2.warpAffine(image, to_square, (DETECTOR_SIDE, DETECTOR_SIDE))
+        square = np.asarray(
+            cv2.warpAffine(image, to_square, (DETECTOR_SIDE, DETECTOR_SIDE)), np.uint8
+        )
+        paint_out(square, [(one.pixels, one.extent) for one in without], to_square)
         pixels = square[None, :, :, ::-1].astype(np.float32) * (2.0 / 255.0) - 1.0
         boxes, scores = self._detector.run(["boxes", "scores"], {"input_1": pixels})
         # A score comes as a logit. Boxes: middle, size, then four points, in pixels of the square
@@ -147,31 +175,6 @@ class BlazePose:
             if math.dist(centre, edge) > 1.0:
                 regions.append(Region.around(centre, edge))
         return sorted(regions, key=lambda region: -region.side)
-
-    def _look(self, image: Image, region: Region) -> tuple[Landmarks, Region | None] | None:
-        """The person in `region`, and where to look in the next image."""
-        image_from_region = region.image_from_region()
-        crop = _crop(image, image_from_region)
-        names = ["landmarks", "score", "heatmap", "world"]
-        points, score, heatmap, world = self._landmarker.run(names, {"input_1": crop})
-        # `not >`: a network that gives NaN has found nobody either.
-        if not score[0, 0] > PRESENCE_SCORE:
-            return None
-        # x, y, z in pixels of the crop, logit of visibility, logit of presence
-        points = points.reshape(POINT_COUNT, 5).astype(float)
-        chances = _sigmoid(points[:LANDMARK_COUNT, 3:])
-        inside = points[:, :2] / LANDMARK_SIDE
-        _refine(inside, heatmap[0])
-        pixels = (inside - 0.5) @ image_from_region[:, :2].T + image_from_region[:, 2]
-        centre, edge = pixels[[REGION_CENTRE, REGION_EDGE]]
-        following = Region.around(centre, edge) if math.dist(centre, edge) > 1.0 else None
-        # The world landmarks are upright in the region, too: they turn back with it.
-        metres = world.reshape(POINT_COUNT, 3)[:LANDMARK_COUNT].astype(float)
-        metres[:, :2] = metres[:, :2] @ (image_from_region[:, :2] / region.side).T
-        pixels = pixels[:LANDMARK_COUNT]
-        visibility, presence = chances.T
-        found = Landmarks(pixels, metres, visibility, presence, float(score[0, 0]), region)
-        return found, following
 
 
 def _session(path: Any) -> Any:
@@ -221,21 +224,26 @@ def _merge_overlapping(boxes: Floats, scores: Floats) -> list[Floats]:
     return merged
 
 
-def _crop(image: Image, image_from_region: Floats) -> Singles:
+def _crop(image: Image, image_from_region: Floats, without: Sequence[Landmarks] = ()) -> Singles:
     """(1, 256, 256, 3) in 0..1, RGB: what the landmark network sees of the region."""
     # The crop's pixels have their middles half a step from its sides.
     step = 1.0 / LANDMARK_SIDE
     region_from_crop = np.array(
         [[step, 0.0, 0.5 * step - 0.5], [0.0, step, 0.5 * step - 0.5], [0.0, 0.0, 1.0]]
     )
+    image_from_crop = image_from_region @ region_from_crop
     crop = cv2.warpAffine(
         image,
-        image_from_region @ region_from_crop,
+        image_from_crop,
         (LANDMARK_SIDE, LANDMARK_SIDE),
         flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP,
         borderMode=cv2.BORDER_REPLICATE,
     )
-    return crop[None, :, :, ::-1].astype(np.float32) * np.float32(1.0 / 255.0)
+    seen: Image = np.asarray(crop, np.uint8)
+    if without:
+        crop_from_image = np.asarray(cv2.invertAffineTransform(image_from_crop), float)
+        paint_out(seen, [(one.pixels, one.extent) for one in without], crop_from_image)
+    return seen[None, :, :, ::-1].astype(np.float32) * np.float32(1.0 / 255.0)
 
 
 def _refine(points: Floats, heatmap: Singles) -> None:

@@ -1,12 +1,36 @@
-"""Everybody in one camera's images: who is where, and that it stays the same person."""
+"""Everybody in one camera's images: who is where, and that it stays the same person.
+
+Each performer has a region of their own that goes with them from shot to shot. Somebody new is
+looked for now and then in the whole image, out of which those who are known are painted.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from typing import Final
 
-from puppet.tracking.blazepose import BlazePose, Landmarks
+from puppet.tracking.blazepose import BlazePose, Landmarks, Region
 from puppet.tracking.camera import Shot
+from puppet.tracking.duplicates import same_body
+from puppet.tracking.events import Event
+from puppet.tracking.identity import GATE, lens_of, sight
 from puppet.tracking.models import PoseModels
+from puppet.tracking.roster import Body, Person, Roster, distinct
+
+MOST: Final = 4
+#: Somebody new is looked for so often, s; and so often while there is a reason to: somebody was
+#: found just now, or is hidden since so short a time.
+SEARCH: Final = 0.4
+SEARCH_SOON: Final = 0.1
+LATELY: Final = 3.0
+#: New bodies that are looked at in one search.
+LOOKS: Final = 2
+#: Where a performer could be seen only with the others painted out, these stay so for so long, s.
+ALONE: Final = 0.3
+#: Landmark networks that run at once: more gain nothing on the two cores that there have to be.
+THREADS: Final = 2
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -18,21 +42,180 @@ class Seen:
 
 
 class People:
-    """Follows the performers of one camera from shot to shot."""
+    """Follows the performers of one camera from shot to shot.
 
-    def __init__(self, models: PoseModels) -> None:
-        """Raises UnavailableError for models that cannot be loaded."""
+    The same shots give the same performers: it knows no clock but the shots' own.
+    """
+
+    def __init__(self, models: PoseModels, most: int = MOST) -> None:
+        """most: performers who are followed at once.
+
+        Raises UnavailableError for models that cannot be loaded.
+        """
         self._pose = BlazePose(models)
+        self._most = most
+        self._threads = ThreadPoolExecutor(THREADS, "landmarks")
+        self.reset()
 
     def reset(self) -> None:
-        """Forget everybody."""
-        self._pose.reset()
+        """Forget everybody; numbers begin anew."""
+        self._roster = Roster()
+        self._time = float("-inf")
+        self._searched = float("-inf")
+        self._found = False
+        self._around: dict[int, list[Landmarks]] = {}
+
+    @property
+    def known(self) -> frozenset[int]:
+        """The performers who are remembered, seen just now or not."""
+        return frozenset(self._roster.performers)
+
+    @property
+    def events(self) -> tuple[Event, ...]:
+        """What happened in the last shot."""
+        return tuple(self._roster.events)
 
     def look(self, shot: Shot) -> list[Seen]:
         """Who is in the shot, by their numbers."""
-        landmarks = self._pose.track(shot.colour)
-        return [] if landmarks is None else [Seen(0, landmarks)]
+        if shot.time < self._time:
+            self.reset()
+        self._time = shot.time
+        seen = self._follow(shot)
+        fresh = self._search(shot, seen) if self._search_is_due(shot.time, seen) else []
+        self._roster.settle(shot.time, seen, fresh)
+        return self._performers(seen)
 
     def look_again(self, shot: Shot, seen: Seen, turn: float) -> Landmarks | None:
-        """The same performer in the same shot, with the region turned by `turn` (rad)."""
-        return self._pose.look(shot.colour, seen.landmarks.region.turned(turn))
+        """The same performer in the same shot, with the region turned by `turn` (rad).
+
+        None if nobody is seen so, or somebody else.
+        """
+        person = self._roster.performers.get(seen.performer)
+        others = self._around.get(seen.performer, [])
+        alone = person is not None and shot.time < person.alone_until
+        region = seen.landmarks.region.turned(turn)
+        again = self._pose.look(shot.colour, region, others if alone else ())
+        if again is None or any(same_body(again, other) for other in others):
+            return None
+        return again
+
+    def _performers(self, seen: dict[Person, Body]) -> list[Seen]:
+        numbered = {
+            person.number: body.landmarks
+            for person, body in seen.items()
+            if person.number is not None
+        }
+        self._around = {
+            number: [body.landmarks for person, body in seen.items() if person.number != number]
+            for number in numbered
+        }
+        return [Seen(number, numbered[number]) for number in sorted(numbered)]
+
+    def _follow(self, shot: Shot) -> dict[Person, Body]:
+        """Who of those that were there is still there, each in their own region."""
+        followed = self._roster.followed
+        lens = lens_of(shot)
+        regions = [person.region(shot.time, lens) for person in followed]
+        before = [
+            [other.landmarks for other in followed if other is not person]
+            if shot.time < person.alone_until
+            else []
+            for person in followed
+        ]
+        found = zip(followed, self._bodies(shot, regions, before), strict=True)
+        own = {person: body for person, body in found if body is not None}
+        # Two regions that have met on one body: it is the one's whom it fits better.
+        order = sorted(
+            own,
+            key=lambda person: (
+                person.number is None,
+                person.identity.misfit(own[person].sighting),
+            ),
+        )
+        bodies = distinct([own[person] for person in order])
+        performers = list(self._roster.performers.values())
+        seen = self._roster.match(bodies, performers)
+        taken = list(seen.values())
+        for person in self._roster.candidates:
+            body = own.get(person)
+            if (
+                body in bodies
+                and body not in taken
+                and person.identity.misfit(body.sighting) < GATE
+            ):
+                seen[person] = body
+        for person, region, without in zip(followed, regions, before, strict=True):
+            if person.number is not None and person not in seen:
+                self._follow_differently(shot, person, region, bool(without), seen)
+        return seen
+
+    def _follow_differently(
+        self, shot: Shot, person: Person, region: Region, alone: bool, seen: dict[Person, Body]
+    ) -> None:
+        """Look once more for a performer who was lost: with the others painted out, if they were
+        not, and else with them. Nobody may be seen on another's body."""
+        others = [body.landmarks for body in seen.values()]
+        if not others:
+            return
+        [body] = self._bodies(shot, [region], [[] if alone else others])
+        if body is None or any(same_body(body.landmarks, other) for other in others):
+            return
+        if person.identity.misfit(body.sighting) < GATE:
+            seen[person] = body
+            person.alone_until = shot.time + ALONE if not alone else shot.time
+
+    def _search_is_due(self, time: float, seen: dict[Person, Body]) -> bool:
+        if not seen:
+            return True
+        if len(seen) >= self._most:
+            return False
+        lost = [
+            person
+            for person in self._roster.performers.values()
+            if person not in seen and time - person.identity.last.time < LATELY
+        ]
+        pause = SEARCH_SOON if self._found or lost else SEARCH
+        return time - self._searched >= pause
+
+    def _search(self, shot: Shot, seen: dict[Person, Body]) -> list[Body]:
+        """Look for the hidden where they should come out, and for anybody in the whole image.
+
+        Adds to `seen` who has come back; gives the bodies that are nobody's.
+        """
+        self._searched = shot.time
+        lens = lens_of(shot)
+        found: list[Body] = []
+        hidden = [person for person in self._roster.hidden if person not in seen]
+        lately = [p for p in hidden if shot.time - p.identity.last.time < LATELY]
+        known = [body.landmarks for body in seen.values()]
+        places = [person.region(shot.time, lens) for person in lately[:1]]
+        looks = self._pose.detect(shot.colour, known)
+        places += looks[:LOOKS]
+        bodies = self._bodies(shot, places, [known] * len(places))
+        taken = list(seen.values())
+        found = [
+            body
+            for body in distinct(taken + [body for body in bodies if body is not None])
+            if body not in taken
+        ]
+        back = self._roster.match(found, hidden)
+        seen.update(back)
+        free = max(0, self._most - len(seen))
+        claimed = list(back.values())
+        fresh = [body for body in found if body not in claimed][:free]
+        self._found = bool(fresh or back)
+        return fresh
+
+    def _bodies(
+        self, shot: Shot, regions: Sequence[Region], without: Iterable[Sequence[Landmarks]]
+    ) -> list[Body | None]:
+        """What is in each of the regions, with those people painted out."""
+
+        def look(region: Region, others: Sequence[Landmarks]) -> Body | None:
+            landmarks = self._pose.look(shot.colour, region, others)
+            sighting = None if landmarks is None else sight(landmarks, shot)
+            return None if landmarks is None or sighting is None else Body(landmarks, sighting)
+
+        if len(regions) < 2:
+            return list(map(look, regions, without))
+        return list(self._threads.map(look, regions, without))
