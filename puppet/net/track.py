@@ -12,7 +12,7 @@ from puppet.net.health import Health
 from puppet.net.messages import SkeletonMessage, encode
 from puppet.skeleton import Moment
 from puppet.tracking.replay import Replay, paced
-from puppet.tracking.source import Source
+from puppet.tracking.source import Source, Watchful
 
 #: Seconds by which a frame may be published behind its time before it counts as late.
 LATE = 0.1
@@ -68,7 +68,10 @@ def _look(source: Source, health: Health) -> None:
     health.note = trouble or source.info.name
     if health.state in ("running", "trouble"):
         health.state = "trouble" if trouble else "running"
-    health.gauges.update(getattr(source, "milliseconds", {}))
+    if isinstance(source, Watchful):
+        health.gauges.update(source.milliseconds)
+        for event, count in source.events.items():
+            health.counters[event] = count
 
 
 def _let_go(source: Source, stop: threading.Event) -> None:

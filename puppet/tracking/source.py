@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 from puppet.skeleton import Moment
 
@@ -51,3 +51,17 @@ class Source(Protocol):
     def close(self) -> None:
         """Let go of the device or file. May be called twice."""
         ...
+
+
+@runtime_checkable
+class Watchful(Protocol):
+    """A source that looks for people itself, and can say how that goes.
+
+    milliseconds: what each stage takes, by name. events: how often each kind of thing happened.
+    """
+
+    @property
+    def milliseconds(self) -> Mapping[str, float]: ...
+
+    @property
+    def events(self) -> Mapping[str, int]: ...

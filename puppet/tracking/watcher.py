@@ -5,7 +5,8 @@ shot ──people──▶ landmarks of each performer ──body──▶ joint
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections import Counter
+from collections.abc import Iterator, Mapping
 from functools import partial
 
 from puppet.errors import UnavailableError
@@ -45,6 +46,7 @@ class Watcher:
         """
         self.camera = camera
         self._stopwatch = Stopwatch()
+        self._events: Counter[str] = Counter()
         self._tracking = tracking or TrackingConfig()
         self._floor = floor
         about = camera.info
@@ -58,7 +60,7 @@ class Watcher:
             licence=about.licence,
         )
         try:
-            self._people = People(models)
+            self._people = People(models, self._tracking.performers)
         except UnavailableError:
             camera.close()
             raise
@@ -80,6 +82,11 @@ class Watcher:
     def milliseconds(self) -> dict[str, float]:
         """What each stage takes, on average over the last moments."""
         return self._stopwatch.milliseconds
+
+    @property
+    def events(self) -> Mapping[str, int]:
+        """How often performers entered, were hidden, returned and left so far."""
+        return self._events
 
     def __len__(self) -> int:
         return len(self.camera)
@@ -105,13 +112,18 @@ class Watcher:
                 self._level = Level(up, self._floor)
             seen = self._people.look(shot)
             self._stopwatch.lap("people_ms")
-            self._bodies = {
-                one.performer: self._bodies.get(one.performer) or Body() for one in seen
-            }
+            self._remember()
             frames = tuple(self._frame(one, shot) for one in seen)
             self._stopwatch.lap("bodies_ms")
             yield Moment(shot.time, shot.sequence, frames)
             self._stopwatch.start()
+
+    def _remember(self) -> None:
+        """A body is learnt as long as its performer is known, hidden for a moment or not."""
+        known = self._people.known
+        self._bodies = {number: self._bodies.get(number) or Body() for number in known}
+        for event in self._people.events:
+            self._events[event.kind] += 1
 
     def _frame(self, one: Seen, shot: Shot) -> SkeletonFrame:
         again = partial(self._people.look_again, shot, one)
