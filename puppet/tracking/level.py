@@ -1,7 +1,8 @@
-"""Which way is up, and where the floor is, learnt from the people who stand on it.
+"""Which way is up, and where the floor is: the one place that decides what tells it.
 
-A camera that hangs askew sees a level floor askew. People stand upright on the whole, and at least
-one foot is on the floor most of the time: that is enough, if nothing better is known.
+A saved calibration counts most; then the floor that a depth camera sees; then gravity, from an IMU,
+together with feet; and then people alone. They stand upright on the whole, and at least one foot is
+on the floor most of the time: that is enough, if nothing better is known.
 """
 
 from __future__ import annotations
@@ -14,6 +15,8 @@ from numpy.typing import ArrayLike, NDArray
 from puppet.kernel import Floats
 from puppet.rotation import rotate, swing
 from puppet.skeleton import Joint, TrackingState
+from puppet.tracking.floor_plane import LEARNT_WITHIN, FloorPlane
+from puppet.tracking.stage_frame import StageFromCamera
 
 #: The camera's own up counts as so many people standing; more than the most are forgotten.
 PRIOR_COUNT: Final = 10.0
@@ -24,7 +27,9 @@ STRAIGHT: Final = 0.9
 #: are seen too low as often as too high, and now and then both are off the floor.
 FEET_KEPT: Final = 600
 BELOW_FLOOR: Final = 0.3
-#: While it is still being learnt, the floor moves by this part of the way at each frame.
+#: So many people standing are enough to say where up is about.
+ENOUGH_COUNT: Final = 40.0
+#: While it is still being learnt, the level moves by this part of the way at each frame.
 FLOOR_STEP: Final = 0.05
 #: From the floor to the hips, metres, for those whose feet were never seen.
 HIP_HEIGHT: Final = 0.95
@@ -44,12 +49,22 @@ class Level:
     """Turns a camera's axes until up is +Y, and lifts them until the floor is at y = 0.
 
     Both are of the camera: right-handed, x to the right in its image, z from the scene towards it,
-    y about up. The camera's axis keeps its heading, so whoever faces the camera faces +Z.
+    y about up. The camera's axis keeps its heading, so whoever faces the camera faces +Z; a saved
+    calibration says itself where the front is. Nothing that is learnt moves the stage in one go
+    while somebody is on it.
     """
 
-    def __init__(self, up: ArrayLike | None = None, floor: float | None = None) -> None:
+    def __init__(
+        self,
+        up: ArrayLike | None = None,
+        floor: float | None = None,
+        *,
+        saved: StageFromCamera | None = None,
+    ) -> None:
         """up: (3,) in the camera's axes; any length. floor: metres from the floor up to the
-        camera. What is None is learnt."""
+        camera. What is None is learnt. saved: a calibration; then nothing is learnt."""
+        self._saved = saved
+        self._gravity = up is not None
         self._known_up = up is not None
         self._floor = floor
         self._known_floor = floor is not None
@@ -58,14 +73,61 @@ class Level:
         self._count = PRIOR_COUNT
         self._feet = np.zeros((FEET_KEPT, len(_FEET), 3))
         self._feet_seen = 0
+        self._plane: FloorPlane | None = None
+        self._occupied = False
 
     @property
     def up(self) -> Floats:
         """(3,) unit vector in the camera's axes."""
+        if self._saved is not None:
+            return self._saved.up
         return np.asarray(self._sum / np.linalg.norm(self._sum))
+
+    @property
+    def fixed(self) -> bool:
+        """Whether there is nothing to learn."""
+        return self._saved is not None or (self._known_up and self._known_floor)
+
+    @property
+    def origin(self) -> str:
+        """What tells the floor, for people."""
+        if self._saved is not None:
+            return "a saved calibration"
+        if self._plane is not None:
+            return "depth"
+        if self._known_floor:
+            return "a given height"
+        if not self._feet_seen:
+            return "a guess" if self._floor is None else "hips"
+        return "gravity and feet" if self._gravity else "feet"
+
+    @property
+    def about_up(self) -> tuple[Floats | None, float | None]:
+        """What to look for a floor in depth by: up in the camera's axes, and radians around it.
+
+        None and None while there is nothing but the camera's own up.
+        """
+        if self._gravity:
+            return self.up, None
+        return (self.up, LEARNT_WITHIN) if self._count > ENOUGH_COUNT else (None, None)
+
+    def see_floor(self, plane: FloorPlane) -> None:
+        """Take the floor that depth shows for the truth; at once, if nobody was there before."""
+        if self._saved is not None or self._known_floor:
+            return
+        self._plane = plane
+        self._known_up = True
+        if not self._occupied:
+            self.settle()
 
     def observe(self, positions: Floats, states: NDArray[np.uint8]) -> None:
         """Learn from a performer: (20, 3) metres in the camera's axes, and their states (20,)."""
+        if self.fixed:
+            return
+        self._occupied = True
+        if self._plane is not None:
+            self._approach(self._plane, FLOOR_STEP)
+            return
         if not self._known_up:
             self._observe_up(positions, states)
         if not self._known_floor:
@@ -83,11 +145,15 @@ class Level:
 
     def settle(self) -> None:
         """Take what was learnt so far for the truth at once."""
-        if self._feet_seen:
+        if self._plane is not None:
+            self._approach(self._plane, 1.0)
+        elif self._feet_seen:
             self._floor = self._learnt_floor()
 
-    def stage_from_camera(self) -> tuple[Floats, Floats]:
-        """Rotation matrix (3, 3) and shift (3,): stage = rotation @ camera + shift."""
+    def stage_from_camera(self) -> StageFromCamera:
+        """Where the camera is now: above the stage's origin, unless a calibration says where."""
+        if self._saved is not None:
+            return self._saved
         up = self.up
         ahead = np.array([0.0, 0.0, 1.0]) - up[2] * up
         length = float(np.linalg.norm(ahead))
@@ -97,12 +163,18 @@ class Level:
         else:  # it looks straight up or down, and has no heading of its own
             turn = swing(up, np.array([0.0, 1.0, 0.0]))
             rotation = np.stack([rotate(turn, axis) for axis in np.eye(3)], axis=1)
-        return rotation, np.array([0.0, self._floor or 0.0, 0.0])
+        return StageFromCamera(rotation, np.array([0.0, self._floor or 0.0, 0.0]))
 
     def to_stage(self, positions: Floats) -> Floats:
-        """(N, 3) metres, the camera's axes -> the stage frame, below the camera at x = z = 0."""
-        rotation, shift = self.stage_from_camera()
-        return np.asarray(positions @ rotation.T + shift)
+        """(N, 3) metres, the camera's axes -> the stage frame."""
+        return self.stage_from_camera().to_stage(positions)
+
+    def _approach(self, plane: FloorPlane, share: float) -> None:
+        """Go a share of the way from the level as it is to a plane."""
+        up = self.up + share * (plane.normal - self.up)
+        self._sum = self._count * up / np.linalg.norm(up)
+        before = plane.height if self._floor is None else self._floor
+        self._floor = before + share * (plane.height - before)
 
     def _observe_up(self, positions: Floats, states: NDArray[np.uint8]) -> None:
         if (states[_STANDING] == TrackingState.NOT_TRACKED).any():

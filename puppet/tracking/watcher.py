@@ -7,13 +7,16 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from functools import partial
 
 from puppet.errors import UnavailableError
 from puppet.show import TrackingConfig
 from puppet.skeleton import Moment, SkeletonFrame
 from puppet.tracking.body import Body
+from puppet.tracking.calibration import CameraCalibration
 from puppet.tracking.camera import Camera, Shot
+from puppet.tracking.floor_watch import FloorWatch
 from puppet.tracking.level import Level
 from puppet.tracking.models import PoseModels
 from puppet.tracking.people import People, Seen
@@ -39,8 +42,10 @@ class Watcher:
         tracking: TrackingConfig | None = None,
         *,
         floor: float | None = None,
+        calibration: CameraCalibration | None = None,
     ) -> None:
         """floor: metres from the floor up to the camera; None if that is to be learnt.
+        calibration: where the camera stands, if that was saved; then nothing is learnt.
 
         Closes the camera and raises UnavailableError for models that cannot be loaded.
         """
@@ -49,6 +54,9 @@ class Watcher:
         self._events: Counter[str] = Counter()
         self._tracking = tracking or TrackingConfig()
         self._floor = floor
+        self._calibration = calibration
+        self._misfit = ""
+        self._level: Level | None = None
         about = camera.info
         self._info = SourceInfo(
             about.name,
@@ -76,7 +84,12 @@ class Watcher:
     @property
     def warnings(self) -> tuple[str, ...]:
         """What was wrong and could be lived with; complete when the moments are over."""
-        return self.camera.warnings
+        return (*self.camera.warnings, *filter(None, [self._misfit]))
+
+    @property
+    def floor(self) -> str:
+        """What tells where the floor is, for people: "depth", "feet", "a saved calibration"."""
+        return "nothing yet" if self._level is None else self._level.origin
 
     @property
     def milliseconds(self) -> dict[str, float]:
@@ -92,31 +105,53 @@ class Watcher:
         return len(self.camera)
 
     def __iter__(self) -> Iterator[Moment]:
-        self._people.reset()
-        self._bodies: dict[int, Body] = {}
-        self._level: Level | None = None
-        moments = self._unlevelled()
+        moments = (moment for _shot, moment in self.unlevelled())
         return self._live(moments) if self.info.live else self._settled(moments)
 
     def close(self) -> None:
         """Let go of the camera. May be called twice."""
         self.camera.close()
 
-    def _unlevelled(self) -> Iterator[Moment]:
-        """Moments in the camera's own axes."""
+    def unlevelled(self) -> Iterator[tuple[Shot, Moment]]:
+        """Shots, and who is in them, in the camera's own axes (see `Body.joints`)."""
+        self._people.reset()
+        self._bodies: dict[int, Body] = {}
+        self._level = None
+        return self._looks()
+
+    def _looks(self) -> Iterator[tuple[Shot, Moment]]:
         self._stopwatch.start()
-        for shot in self.camera:
+        for shot in map(self._with_lens, self.camera):
             self._stopwatch.lap("camera_ms")
             if self._level is None:
-                up = None if shot.up is None else shot.up * (1.0, -1.0, -1.0)
-                self._level = Level(up, self._floor)
+                self._level, self._floor_watch = self._first_level(shot), FloorWatch()
+            if not self._level.fixed and self._floor_watch.look(shot, *self._level.about_up):
+                assert self._floor_watch.plane is not None
+                self._level.see_floor(self._floor_watch.plane)
             seen = self._people.look(shot)
             self._stopwatch.lap("people_ms")
             self._remember()
             frames = tuple(self._frame(one, shot) for one in seen)
             self._stopwatch.lap("bodies_ms")
-            yield Moment(shot.time, shot.sequence, frames)
+            yield shot, Moment(shot.time, shot.sequence, frames)
             self._stopwatch.start()
+
+    def _with_lens(self, shot: Shot) -> Shot:
+        """The shot with the lens that the calibration knows, if the camera does not."""
+        known = self._calibration
+        if known is None or known.lens is None or shot.intrinsics is not None:
+            return shot
+        height, width = shot.colour.shape[:2]
+        return shot if known.misfit(width, height) else replace(shot, intrinsics=known.lens)
+
+    def _first_level(self, shot: Shot) -> Level:
+        up = None if shot.up is None else shot.up * (1.0, -1.0, -1.0)
+        saved = None
+        if self._calibration is not None:
+            height, width = shot.colour.shape[:2]
+            self._misfit = self._calibration.misfit(width, height)
+            saved = None if self._misfit else self._calibration.stage_from_camera
+        return Level(up, self._floor, saved=saved)
 
     def _remember(self) -> None:
         """A body is learnt as long as its performer is known, hidden for a moment or not."""
@@ -141,6 +176,8 @@ class Watcher:
         waiting: list[Moment] = []
         settled = False
         for moment in moments:
+            assert self._level is not None
+            settled = settled or self._level.fixed
             if settled or not (waiting or moment.present):
                 yield self._levelled(moment)
                 continue
