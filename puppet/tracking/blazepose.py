@@ -145,19 +145,28 @@ class BlazePose:
             following,
         )
 
-    def detect(self, image: Image, without: Sequence[Landmarks] = ()) -> list[Region]:
+    def detect(
+        self,
+        image: Image,
+        without: Sequence[Landmarks] = (),
+        columns: tuple[int, int] | None = None,
+    ) -> list[Region]:
         """The people in `image`, (H, W, 3), BGR, the largest first.
 
-        without: people who are painted out first.
+        without: people who are painted out first. columns: look only between these.
         """
-        height, width = image.shape[:2]
-        # The network takes the whole image in the middle of a black square.
+        first, last = columns or (0, image.shape[1])
+        height, width = image.shape[0], last - first
+        # The network takes the image in the middle of a black square.
         scale = DETECTOR_SIDE / max(height, width)
         shift = 0.5 * (DETECTOR_SIDE - scale * np.array([width, height]))
-        to_square = np.column_stack([np.eye(2) * scale, shift + 0.5 * (scale - 1.0)])
+        from_part = np.column_stack([np.eye(2) * scale, shift + 0.5 * (scale - 1.0)])
+        part = image[:, first:last]
         square = np.asarray(
-            cv2.warpAffine(image, to_square, (DETECTOR_SIDE, DETECTOR_SIDE)), np.uint8
+            cv2.warpAffine(part, from_part, (DETECTOR_SIDE, DETECTOR_SIDE)), np.uint8
         )
+        shift[0] -= scale * first
+        to_square = np.column_stack([np.eye(2) * scale, shift + 0.5 * (scale - 1.0)])
         paint_out(square, [(one.pixels, one.extent) for one in without], to_square)
         pixels = square[None, :, :, ::-1].astype(np.float32) * (2.0 / 255.0) - 1.0
         boxes, scores = self._detector.run(["boxes", "scores"], {"input_1": pixels})

@@ -35,13 +35,19 @@ ALONG, ALONG_MEASURED, ALONG_GROWTH, ALONG_LIMIT = 0.10, 0.05, 0.3, 1.0
 #: How much colours (ΔE) and measured size (share) of one performer vary.
 COLOURS: Final = 6.0
 SIZE: Final = 0.1
-#: A misfit beyond this is another person. Squares of standard deviations, as all misfits are.
+#: A misfit beyond this is another person; beyond the next when they were out of sight, where the
+#: network must be rather sure, too. Squares of standard deviations, as all misfits are.
 GATE: Final = 12.0
+FOUND_GATE: Final = 8.0
+FOUND_SCORE: Final = 0.7
 #: Stage lights change: while somebody is followed, colours alone do not make them another.
 COLOURS_ALONE: Final = 8.0
-FOLLOWED: Final = 0.25
+FOLLOWED: Final = 0.12
 #: Half-lives, s: of the measured velocity, of its going on unseen, of what is learnt.
 VELOCITY, COASTING, LEARNING = 0.08, 0.3, 1.0
+#: Half-life of the trust, s. One who is seen well has more than 0.99.
+TRUST: Final = 0.1
+TRUSTED: Final = 0.98
 #: Colours that changed more (ΔE) are not learnt where another performer may have covered them.
 FOREIGN: Final = 10.0
 
@@ -53,7 +59,7 @@ class Sighting:
     ray: (2,) x right, y down at a distance of 1: where the middle of the hips is seen.
     distance: metres along the lens's axis; measured: by depth, not guessed from the size.
     size: how many times as large as the network takes everybody for; NaN without depth.
-    colours: (3, 3), see `appearance.colours`.
+    colours: (3, 3), see `appearance.colours`. score: the network's, in 0..1.
     """
 
     time: float
@@ -62,6 +68,7 @@ class Sighting:
     measured: bool
     size: float
     colours: Floats
+    score: float = 1.0
 
     @property
     def position(self) -> Floats:
@@ -102,7 +109,7 @@ def sight(landmarks: Landmarks, shot: Shot) -> Sighting | None:
         return None
     ray = lens.rays(pixels[[23, 24]].mean(axis=0)[None])[0]
     clothes = colours(shot.colour, landmarks)
-    return Sighting(shot.time, ray, distance, math.isfinite(depth), size, clothes)
+    return Sighting(shot.time, ray, distance, math.isfinite(depth), size, clothes, landmarks.score)
 
 
 def _torso_depth(landmarks: Landmarks, shot: Shot) -> float:
@@ -129,6 +136,18 @@ class Identity:
         self._velocity = np.zeros(3)
         self._colours = first.colours
         self._size = first.size
+        self._trust = 1.0
+        self._sure = first.time
+
+    @property
+    def doubtful(self) -> bool:
+        """Whether they are seen so badly that it may be something else."""
+        return self._trust < TRUSTED
+
+    @property
+    def trust(self) -> float:
+        """The network's score, smoothed: it wavers where it looks at the wrong place."""
+        return self._trust
 
     @property
     def last(self) -> Sighting:
@@ -144,9 +163,9 @@ class Identity:
         return at
 
     def misfit(self, sighting: Sighting) -> float:
-        """How badly the sighting fits this performer: under `GATE` it may be them."""
+        """How badly the sighting fits this performer; see `fits`."""
         age = max(0.0, sighting.time - self._last.time)
-        across, along = self._spread(age, sighting.measured)
+        across, along = self._spread(sighting)
         at = self.position(sighting.time)
         middle = math.sqrt(at[2] * sighting.distance)
         sideways = float(np.linalg.norm(sighting.ray - at[:2] / at[2])) * middle
@@ -159,11 +178,17 @@ class Identity:
             misfit += (math.log(sighting.size / self._size) / SIZE) ** 2
         return misfit
 
+    def fits(self, sighting: Sighting) -> bool:
+        """Whether it may be them."""
+        misfit = self.misfit(sighting)
+        if sighting.time - self._last.time < FOLLOWED:
+            return misfit < GATE
+        return misfit < FOUND_GATE and sighting.score > FOUND_SCORE
+
     def cost(self, sighting: Sighting) -> float:
         """Minus twice the logarithm of how likely the sighting is for this performer, up to a
         constant: the misfit, and more the less is known of where they are."""
-        age = max(0.0, sighting.time - self._last.time)
-        across, along = self._spread(age, sighting.measured)
+        across, along = self._spread(sighting)
         return self.misfit(sighting) + 4.0 * math.log(across) + 2.0 * math.log(along)
 
     def learn(self, sighting: Sighting, *, crowded: bool) -> None:
@@ -176,8 +201,12 @@ class Identity:
             # After a gap the old velocity says nothing, and the new one is that of the gap.
             if step > FOLLOWED:
                 self._velocity = np.zeros(3)
+            keep = 0.5 ** (step / TRUST)
+            self._trust = keep * self._trust + (1.0 - keep) * sighting.score
             self._learn_looks(sighting, 0.5 ** (step / LEARNING), crowded)
         self._last = sighting
+        if not self.doubtful:
+            self._sure = sighting.time
 
     def _learn_looks(self, sighting: Sighting, keep: float, crowded: bool) -> None:
         if not crowded or difference(self._colours, sighting.colours) < FOREIGN:
@@ -188,9 +217,11 @@ class Identity:
             known = self._size if math.isfinite(self._size) else sighting.size
             self._size = keep * known + (1.0 - keep) * sighting.size
 
-    def _spread(self, age: float, measured: bool) -> tuple[float, float]:
+    def _spread(self, sighting: Sighting) -> tuple[float, float]:
         """Standard deviations of where they are, across and along the line of sight."""
-        both = measured and self._last.measured
+        # Who was seen badly may have been somewhere else.
+        age = max(0.0, sighting.time - self._sure)
+        both = sighting.measured and self._last.measured
         across = min(ACROSS + ACROSS_GROWTH * age, ACROSS_LIMIT)
         along = min((ALONG_MEASURED if both else ALONG) + ALONG_GROWTH * age, ALONG_LIMIT)
         return across, along

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import Final
 
 import cv2
@@ -23,6 +23,8 @@ HEAD: Final = tuple(range(11))
 #: Thickness of limbs and radius of the head, in sides of the body's region.
 LIMB_WIDTH: Final = 0.07
 HEAD_RADIUS: Final = 0.09
+#: Pixels along a side of the map on which it is seen what is covered.
+MAP_SIDE: Final = 64
 #: Beyond it, pixels are not drawn; OpenCV's own arithmetic ends at 2^15.
 FAR: Final = 10_000.0
 
@@ -50,3 +52,14 @@ def paint_out(
         middle = np.rint(head).astype(int).tolist()
         cv2.line(picture, middle, np.rint(neck).astype(int).tolist(), PAINT, width)
         cv2.circle(picture, middle, max(1, round(HEAD_RADIUS * side * scale)), PAINT, -1)
+
+
+def covered(points: Floats, bodies: Sequence[tuple[Floats, float]]) -> float:
+    """The share of the points (N, 2), pixels of the image, that `paint_out` covers."""
+    low, high = points.min(axis=0), points.max(axis=0)
+    scale = (MAP_SIDE - 1.0) / max(float((high - low).max()), 1.0)
+    to_map = np.column_stack([np.eye(2) * scale, -low * scale])
+    picture = np.zeros((MAP_SIDE, MAP_SIDE, 3), np.uint8)
+    paint_out(picture, bodies, to_map)
+    columns, rows = np.rint((points - low) * scale).astype(int).T
+    return float(np.mean(picture[rows, columns, 0] > 0))

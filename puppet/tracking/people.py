@@ -1,34 +1,40 @@
 """Everybody in one camera's images: who is where, and that it stays the same person.
 
 Each performer has a region of their own that goes with them from shot to shot. Somebody new is
-looked for now and then in the whole image, out of which those who are known are painted.
+looked for now and then in the rest of the image, out of which those who are known are painted.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Final
 
+import numpy as np
+
 from puppet.tracking.blazepose import BlazePose, Landmarks, Region
 from puppet.tracking.camera import Shot
-from puppet.tracking.duplicates import same_body
+from puppet.tracking.duplicates import BODY, part_of, same_body
 from puppet.tracking.events import Event
-from puppet.tracking.identity import GATE, lens_of, sight
+from puppet.tracking.identity import lens_of, sight
 from puppet.tracking.models import PoseModels
+from puppet.tracking.paint_out import covered
 from puppet.tracking.roster import Body, Person, Roster, distinct
 
 MOST: Final = 4
 #: Somebody new is looked for so often, s; and so often while there is a reason to: somebody was
-#: found just now, or is hidden since so short a time.
-SEARCH: Final = 0.4
+#: found just now, is seen badly, or is hidden since so short a time.
+SEARCH: Final = 0.3
 SEARCH_SOON: Final = 0.1
 LATELY: Final = 3.0
 #: New bodies that are looked at in one search.
 LOOKS: Final = 2
 #: Where a performer could be seen only with the others painted out, these stay so for so long, s.
 ALONE: Final = 0.3
+#: Of somebody's joints no more than this share may lie on those who are painted out.
+MOST_COVERED: Final = 0.5
 #: Landmark networks that run at once: more gain nothing on the two cores that there have to be.
 THREADS: Final = 2
 
@@ -62,6 +68,7 @@ class People:
         self._roster = Roster()
         self._time = float("-inf")
         self._searched = float("-inf")
+        self._searches = 0
         self._found = False
         self._around: dict[int, list[Landmarks]] = {}
 
@@ -138,11 +145,7 @@ class People:
         taken = list(seen.values())
         for person in self._roster.candidates:
             body = own.get(person)
-            if (
-                body in bodies
-                and body not in taken
-                and person.identity.misfit(body.sighting) < GATE
-            ):
+            if body in bodies and body not in taken and person.identity.fits(body.sighting):
                 seen[person] = body
         for person, region, without in zip(followed, regions, before, strict=True):
             if person.number is not None and person not in seen:
@@ -160,51 +163,60 @@ class People:
         [body] = self._bodies(shot, [region], [[] if alone else others])
         if body is None or any(same_body(body.landmarks, other) for other in others):
             return
-        if person.identity.misfit(body.sighting) < GATE:
+        if person.identity.fits(body.sighting):
             seen[person] = body
             person.alone_until = shot.time + ALONE if not alone else shot.time
 
     def _search_is_due(self, time: float, seen: dict[Person, Body]) -> bool:
         if not seen:
             return True
-        if len(seen) >= self._most:
+        if len(seen) >= self._most and not any(person.identity.doubtful for person in seen):
             return False
         lost = [
             person
             for person in self._roster.performers.values()
             if person not in seen and time - person.identity.last.time < LATELY
         ]
-        pause = SEARCH_SOON if self._found or lost else SEARCH
+        doubted = any(person.identity.doubtful for person in seen)
+        pause = SEARCH_SOON if self._found or lost or doubted else SEARCH
         return time - self._searched >= pause
 
     def _search(self, shot: Shot, seen: dict[Person, Body]) -> list[Body]:
-        """Look for the hidden where they should come out, and for anybody in the whole image.
+        """Look for the hidden where they should come out, and for anybody in the rest of the image.
 
         Adds to `seen` who has come back; gives the bodies that are nobody's.
         """
-        self._searched = shot.time
-        lens = lens_of(shot)
-        found: list[Body] = []
         hidden = [person for person in self._roster.hidden if person not in seen]
-        lately = [p for p in hidden if shot.time - p.identity.last.time < LATELY]
-        known = [body.landmarks for body in seen.values()]
-        places = [person.region(shot.time, lens) for person in lately[:1]]
-        looks = self._pose.detect(shot.colour, known)
-        places += looks[:LOOKS]
-        bodies = self._bodies(shot, places, [known] * len(places))
+        lately = [one for one in hidden if shot.time - one.identity.last.time < LATELY]
+        doubtful = [person for person in seen if person.identity.doubtful]
+        known = [body.landmarks for person, body in seen.items() if not person.identity.doubtful]
+        views = _views(*shot.colour.shape[:2])
+        view = views[self._searches % len(views)]
+        places = [person.region(shot.time, lens_of(shot)) for person in lately[:1]]
+        places += self._pose.detect(shot.colour, known, view)[:LOOKS]
+        bodies = [body for body in self._bodies(shot, places, [known] * len(places)) if body]
+        for person in doubtful:
+            self._correct(person, seen, bodies)
         taken = list(seen.values())
-        found = [
-            body
-            for body in distinct(taken + [body for body in bodies if body is not None])
-            if body not in taken
-        ]
+        found = [body for body in distinct(taken + bodies) if body not in taken]
         back = self._roster.match(found, hidden)
         seen.update(back)
-        free = max(0, self._most - len(seen))
-        claimed = list(back.values())
-        fresh = [body for body in found if body not in claimed][:free]
-        self._found = bool(fresh or back)
-        return fresh
+        returned = list(back.values())
+        fresh = [body for body in found if body not in returned]
+        self._searched = shot.time
+        self._searches += 1
+        self._found = bool(found)
+        return fresh[: max(0, self._most - len(seen))]
+
+    def _correct(self, person: Person, seen: dict[Person, Body], bodies: Sequence[Body]) -> None:
+        """Somebody who was seen badly in their own region is taken where they are seen better."""
+        for body in bodies:
+            if (
+                body.landmarks.score > max(person.identity.trust, seen[person].landmarks.score)
+                and part_of(body.landmarks, seen[person].landmarks)
+                and person.identity.fits(body.sighting)
+            ):
+                seen[person] = body
 
     def _bodies(
         self, shot: Shot, regions: Sequence[Region], without: Iterable[Sequence[Landmarks]]
@@ -213,9 +225,26 @@ class People:
 
         def look(region: Region, others: Sequence[Landmarks]) -> Body | None:
             landmarks = self._pose.look(shot.colour, region, others)
-            sighting = None if landmarks is None else sight(landmarks, shot)
-            return None if landmarks is None or sighting is None else Body(landmarks, sighting)
+            if landmarks is None:
+                return None
+            painted = [(one.pixels, one.extent) for one in others]
+            # What lies under the paint cannot have been seen: the network has guessed it.
+            if painted and covered(landmarks.pixels[BODY], painted) > MOST_COVERED:
+                return None
+            sighting = sight(landmarks, shot)
+            return None if sighting is None else Body(landmarks, sighting)
 
         if len(regions) < 2:
             return list(map(look, regions, without))
         return list(self._threads.map(look, regions, without))
+
+
+def _views(height: int, width: int) -> list[tuple[int, int]]:
+    """Columns of the image that are searched in turn: all of them, then squares.
+
+    The detector's picture is small and square: in all of a wide image it overlooks people who are
+    less than half of it high.
+    """
+    count = math.ceil(width / height) if width > height else 0
+    starts = np.linspace(0, width - height, count).round().astype(int).tolist()
+    return [(0, width), *((start, start + height) for start in starts)]

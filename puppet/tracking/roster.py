@@ -14,14 +14,14 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from puppet.tracking.blazepose import Landmarks, Region
-from puppet.tracking.duplicates import same_body
+from puppet.tracking.duplicates import part_of, same_body
 from puppet.tracking.events import Event
-from puppet.tracking.identity import GATE, Identity, Sighting
+from puppet.tracking.identity import Identity, Sighting
 from puppet.tracking.intrinsics import Intrinsics
 
 #: Somebody new has to be seen in so many shots one after the other, ...
 CONFIRM: Final = 3
-#: ... or in so many while somebody is hidden who might come out as them.
+#: ... or in so many while a performer is not seen who might come out as them.
 PATIENCE: Final = 8
 #: Not seen for so long, a performer is hidden (s); after so long they have left.
 HIDDEN_AFTER: Final = 0.25
@@ -92,7 +92,7 @@ class Roster:
         costs = np.full((len(persons), len(bodies)), _IMPOSSIBLE)
         for row, person in enumerate(persons):
             for column, body in enumerate(bodies):
-                if person.identity.misfit(body.sighting) < GATE:
+                if person.identity.fits(body.sighting):
                     costs[row, column] = person.identity.cost(body.sighting)
         rows, columns = linear_sum_assignment(costs)
         return {
@@ -116,9 +116,18 @@ class Roster:
             person.sightings += 1
         for number, person in list(self.performers.items()):
             self._note(number, person, time, person in seen)
-        self.candidates = [person for person in self.candidates if person in seen]
-        self._promote(time)
-        self.candidates += (Person(Identity(body.sighting), body.landmarks) for body in fresh)
+        performers = [body for person, body in seen.items() if person.number is not None]
+        self.candidates = [
+            person
+            for person in self.candidates
+            if person in seen and _apart_from(performers, seen[person])
+        ]
+        self._promote(time, anybody_lost=len(performers) < len(self.performers))
+        self.candidates += (
+            Person(Identity(body.sighting), body.landmarks)
+            for body in fresh
+            if _apart_from(performers, body)
+        )
 
     def _note(self, number: int, person: Person, time: float, seen: bool) -> None:
         unseen = time - person.identity.last.time
@@ -132,8 +141,8 @@ class Roster:
             del self.performers[number]
             self.events.append(Event("left", number, time))
 
-    def _promote(self, time: float) -> None:
-        needed = PATIENCE if self.hidden else CONFIRM
+    def _promote(self, time: float, *, anybody_lost: bool) -> None:
+        needed = PATIENCE if anybody_lost else CONFIRM
         for person in [person for person in self.candidates if person.sightings >= needed]:
             self.candidates.remove(person)
             person.number = self._next
@@ -149,6 +158,10 @@ def distinct(bodies: Sequence[Body]) -> list[Body]:
         if not any(same_body(body.landmarks, other.landmarks) for other in kept):
             kept.append(body)
     return kept
+
+
+def _apart_from(known: Sequence[Body], newcomer: Body) -> bool:
+    return not any(part_of(newcomer.landmarks, one.landmarks) for one in known)
 
 
 def _near(one: Landmarks, other: Landmarks) -> bool:
