@@ -39,10 +39,11 @@ SIZE: Final = 0.1
 #: network must be rather sure, too. Squares of standard deviations, as all misfits are.
 GATE: Final = 12.0
 FOUND_GATE: Final = 8.0
-FOUND_SCORE: Final = 0.7
-#: Stage lights change: while somebody is followed, colours alone do not make them another.
+FOUND_SCORE: Final = 0.8
+#: Stage lights change: while somebody is followed, not out of sight for so long (s), and seen well,
+#: colours alone do not make them another.
 COLOURS_ALONE: Final = 8.0
-FOLLOWED: Final = 0.12
+FOLLOWED: Final = 0.07
 #: Half-lives, s: of the measured velocity, of its going on unseen, of what is learnt.
 VELOCITY, COASTING, LEARNING = 0.08, 0.3, 1.0
 #: Half-life of the trust, s. One who is seen well has more than 0.99.
@@ -173,7 +174,8 @@ class Identity:
         clothes = difference(self._colours, sighting.colours)
         if math.isfinite(clothes):
             unlike = (clothes / COLOURS) ** 2
-            misfit += min(unlike, COLOURS_ALONE) if age < FOLLOWED else unlike
+            followed = age < FOLLOWED and not self.doubtful
+            misfit += min(unlike, COLOURS_ALONE) if followed else unlike
         if math.isfinite(self._size) and math.isfinite(sighting.size):
             misfit += (math.log(sighting.size / self._size) / SIZE) ** 2
         return misfit
