@@ -31,7 +31,7 @@ def measure(frames: int) -> dict[str, Any]:
     from puppet.cast import load_cast
     from puppet.line import Line
     from puppet.net.messages import Decoder, SkeletonMessage, encode
-    from puppet.net.stage import scene_of
+    from puppet.net.scene import scene_of
     from puppet.pose import forward_kinematics
     from puppet.show import load_show
     from puppet.tracking.rehearsal import Rehearsal
@@ -41,8 +41,8 @@ def measure(frames: int) -> dict[str, Any]:
     line = Line(cast, show.conditioning)
     line.warm_up()
     messages = [
-        encode(SkeletonMessage.of(frame, source="b", synthetic=True, stream_ns=0, sent_ns=0))
-        for frame, _ in zip(Rehearsal(), range(frames), strict=False)
+        encode(SkeletonMessage.of(moment, source="b", synthetic=True, stream_ns=0, sent_ns=0))
+        for moment, _ in zip(Rehearsal(), range(frames), strict=False)
     ]
     decode = Decoder(SkeletonMessage)
     armatures = {puppet.name: puppet.model.armature for puppet in cast}
@@ -53,7 +53,7 @@ def measure(frames: int) -> dict[str, Any]:
     samples = []
     started = time.perf_counter()
     for data in messages:
-        tick = line.step(decode(data).frame())
+        tick = line.step(decode(data).moment())
         for name, pose in tick.poses.items():
             positions, _ = forward_kinematics(armatures[name], pose)
             samples.append(positions[-1])

@@ -26,11 +26,12 @@ from puppet.mapping.proposal import Mode
 from puppet.mapping.stance import Stance, heading_of, in_heading, upright
 from puppet.pose import Pose, forward_kinematics
 from puppet.show import load_show
-from puppet.skeleton import Joint, SkeletonFrame, nobody
+from puppet.skeleton import Joint, Moment, SkeletonFrame, nobody
 from puppet.solvers.joint_limits import Bounds
 from puppet.tracking.choreography import DURATION, SECTIONS
 from puppet.tracking.rehearsal import Rehearsal
 from puppet.tracking.take import read_take
+from tests.moments import frames_of
 from tests.rig_changes import MODES, propose
 from tests.shows import write_show
 from tests.test_any_rig import SHARED
@@ -76,7 +77,7 @@ GENTLE = 720.0 / RATE
 
 
 @dataclass(frozen=True, eq=False)
-class Moment:
+class Shown:
     """One frame: the performer, what is asked of each puppet, and what is shown.
 
     anew: whether another neutral stance is counted from since the frame before.
@@ -88,7 +89,7 @@ class Moment:
     shown: dict[str, Pose]
     anew: bool
 
-    def moved_since(self, before: Moment) -> float:
+    def moved_since(self, before: Shown) -> float:
         """Metres that the performer's quickest joint went, as far as it is trusted.
 
         A joint is where it is on the body, counted from the neutral stance; one that is lost goes
@@ -107,20 +108,20 @@ def on_body(frame: SkeletonFrame) -> Floats:
     return in_heading(positions, positions[Joint.HIP_CENTER], heading_of(positions))
 
 
-def play(cast: Cast, frames: Iterable[SkeletonFrame]) -> list[Moment]:
+def play(cast: Cast, frames: Iterable[SkeletonFrame]) -> list[Shown]:
     """The frames through a line; beside it, what is asked for within."""
     line = Line(cast)
     beside = {puppet.name: DrivenPuppet(puppet, UNSEEN) for puppet in cast}
-    moments: list[Moment] = []
+    moments: list[Shown] = []
     for frame in frames:
-        tick = line.step(frame)
+        tick = line.step(Moment.of(frame))
         neutral = tick.neutral or UNSEEN
         anew = not moments or neutral is not moments[-1].neutral
         if anew:
             for driven in beside.values():
                 driven.set_neutral(neutral)
         asked = {name: driven.asked(tick.frame) for name, driven in beside.items()}
-        moments.append(Moment(tick.frame, neutral, asked, tick.poses, anew))
+        moments.append(Shown(tick.frame, neutral, asked, tick.poses, anew))
     return moments
 
 
@@ -140,13 +141,13 @@ def on_stage(folder: Path, puppets: dict[str, Mode], follow: str = "") -> Cast:
 
 
 @pytest.fixture(scope="module")
-def rehearsed(cast: Cast) -> list[Moment]:
-    return play(cast, Rehearsal(RATE))
+def rehearsed(cast: Cast) -> list[Shown]:
+    return play(cast, frames_of(Rehearsal(RATE)))
 
 
 @pytest.fixture(scope="module")
-def recorded(cast: Cast) -> dict[str, list[Moment]]:
-    return {path.stem: play(cast, read_take(path)) for path in STREAMS}
+def recorded(cast: Cast) -> dict[str, list[Shown]]:
+    return {path.stem: play(cast, frames_of(read_take(path))) for path in STREAMS}
 
 
 def section(name: str) -> slice:
@@ -193,7 +194,7 @@ def lowest(puppet: StagedPuppet, pose: Pose) -> float:
 
 @EVERY
 def test_it_rests_while_the_performer_stands_before_and_after(
-    cast: Cast, rehearsed: list[Moment], name: str
+    cast: Cast, rehearsed: list[Shown], name: str
 ) -> None:
     """Every bone, every tip, and its place; and nothing moves."""
     puppet = of(cast, name)
@@ -207,11 +208,11 @@ def test_it_rests_while_the_performer_stands_before_and_after(
             assert away.max() < 0.02 * armature.size
 
 
-def test_a_second_rehearsal_ends_where_the_first_did(cast: Cast, rehearsed: list[Moment]) -> None:
+def test_a_second_rehearsal_ends_where_the_first_did(cast: Cast, rehearsed: list[Shown]) -> None:
     """Nothing drifts. In one line, one after the other; the loop's seam is no seam."""
     line, rehearsal = Line(cast), Rehearsal(RATE)
     for sequence in range(2 * len(rehearsal)):
-        tick = line.step(rehearsal.frame(sequence / RATE, sequence))
+        tick = line.step(Moment.of(rehearsal.frame(sequence / RATE, sequence)))
     for puppet in cast:
         once, twice = rehearsed[-1].shown[puppet.name], tick.poses[puppet.name]
         assert degrees(twice.bones, once.bones).max() < 1e-3, puppet.name
@@ -222,7 +223,7 @@ def test_a_second_rehearsal_ends_where_the_first_did(cast: Cast, rehearsed: list
 
 @EVERY
 def test_nothing_is_remembered_the_same_frame_asks_for_the_same_pose(
-    cast: Cast, rehearsed: list[Moment], name: str
+    cast: Cast, rehearsed: list[Shown], name: str
 ) -> None:
     driven = DrivenPuppet(of(cast, name), rehearsed[-1].neutral)
     some = [moment for moment in rehearsed if moment.neutral is rehearsed[-1].neutral][::15]
@@ -236,7 +237,7 @@ def test_nothing_is_remembered_the_same_frame_asks_for_the_same_pose(
 # -- no flips, no pops ------------------------------------------------------------------------
 
 
-def assert_it_goes_with_the_performer(moments: list[Moment], name: str) -> None:
+def assert_it_goes_with_the_performer(moments: list[Shown], name: str) -> None:
     for before, after in pairwise(moments):
         if after.anew:
             continue  # that is eased over in what is shown
@@ -250,7 +251,7 @@ def assert_it_goes_with_the_performer(moments: list[Moment], name: str) -> None:
 
 @EVERY
 def test_no_bone_flips_the_steps_of_the_puppet_are_those_of_the_performer(
-    rehearsed: list[Moment], name: str
+    rehearsed: list[Shown], name: str
 ) -> None:
     assert_it_goes_with_the_performer(rehearsed, name)
 
@@ -258,14 +259,14 @@ def test_no_bone_flips_the_steps_of_the_puppet_are_those_of_the_performer(
 @EVERY
 @pytest.mark.parametrize("take", [path.stem for path in STREAMS])
 def test_no_bone_flips_when_a_real_person_is_tracked(
-    recorded: dict[str, list[Moment]], name: str, take: str
+    recorded: dict[str, list[Shown]], name: str, take: str
 ) -> None:
     assert_it_goes_with_the_performer(recorded[take], name)
 
 
 @EVERY
 def test_who_is_lost_and_comes_back_is_let_go_and_taken_up_again_gently(
-    cast: Cast, rehearsed: list[Moment], name: str
+    cast: Cast, rehearsed: list[Shown], name: str
 ) -> None:
     rest = of(cast, name).model.armature.rotations
     there = np.array([moment.frame.states.any() for moment in rehearsed])
@@ -300,7 +301,7 @@ def test_who_vanishes_with_raised_arms_and_appears_in_a_squat_makes_nothing_jump
     assert widest_step(moments[7 * RATE - 1 :], name) < 40.0
 
 
-def widest_step(moments: list[Moment], name: str) -> float:
+def widest_step(moments: list[Shown], name: str) -> float:
     """Degrees that the bone that turns most turns between two frames."""
     return max(
         float(degrees(after.asked[name].bones, before.asked[name].bones).max())
@@ -317,7 +318,7 @@ def at(frame: SkeletonFrame, time: float, sequence: int) -> SkeletonFrame:
 
 @EVERY
 def test_nothing_goes_through_the_floor(
-    cast: Cast, rehearsed: list[Moment], recorded: dict[str, list[Moment]], name: str
+    cast: Cast, rehearsed: list[Shown], recorded: dict[str, list[Shown]], name: str
 ) -> None:
     puppet = of(cast, name)
     if puppet.floor is None:
@@ -331,7 +332,7 @@ def test_nothing_goes_through_the_floor(
 @pytest.mark.parametrize("name", STANDING_ON_IK)
 @pytest.mark.parametrize("side", ["L", "R"])
 def test_a_foot_that_stands_does_not_slide(
-    cast: Cast, rehearsed: list[Moment], name: str, side: str
+    cast: Cast, rehearsed: list[Shown], name: str, side: str
 ) -> None:
     """While the performer's foot is where it stood, the puppet's is, whatever the body does:
     stand, wave, bow, squat, reach and lean."""
@@ -357,7 +358,7 @@ def test_a_foot_that_stands_does_not_slide(
 
 @pytest.mark.parametrize("name", ["seagull", "seagull_with_master"])
 def test_a_gull_which_has_no_knees_keeps_its_feet_flat_when_the_performer_squats(
-    cast: Cast, rehearsed: list[Moment], name: str
+    cast: Cast, rehearsed: list[Shown], name: str
 ) -> None:
     for moment in rehearsed[section("squat")]:
         pose = moment.shown[name]
@@ -366,12 +367,12 @@ def test_a_gull_which_has_no_knees_keeps_its_feet_flat_when_the_performer_squats
 
 
 def test_a_squat_bends_the_ostrichs_legs_and_a_jump_lifts_it(
-    cast: Cast, rehearsed: list[Moment]
+    cast: Cast, rehearsed: list[Shown]
 ) -> None:
     name = "ostrich"
     armature = of(cast, name).model.armature
 
-    def paws(moment: Moment) -> list[float]:
+    def paws(moment: Shown) -> list[float]:
         return [tip(cast, moment.shown[name], name, f"paw.{side}")[1] for side in "LR"]
 
     low = min(rehearsed[section("squat")], key=lambda m: float(m.shown[name].translation[1]))
@@ -395,7 +396,7 @@ def test_a_squat_bends_the_ostrichs_legs_and_a_jump_lifts_it(
 
 @pytest.mark.parametrize(("puppet", "rise"), [("snake", 0.3), ("ostrich", 0.05)])
 def test_the_right_hand_leads_the_head(
-    cast: Cast, rehearsed: list[Moment], puppet: str, rise: float
+    cast: Cast, rehearsed: list[Shown], puppet: str, rise: float
 ) -> None:
     part = rehearsed[section("arms out and up")]
     rest = tip(cast, rehearsed[75].shown[puppet], puppet, "head")
@@ -408,7 +409,7 @@ def test_the_right_hand_leads_the_head(
 
 @pytest.mark.parametrize("puppet", ["snake", "ostrich"])
 def test_the_left_hand_does_not_move_the_head(
-    cast: Cast, rehearsed: list[Moment], puppet: str
+    cast: Cast, rehearsed: list[Shown], puppet: str
 ) -> None:
     """It goes behind the back, while the right one hangs."""
     rest = tip(cast, rehearsed[75].shown[puppet], puppet, "head")
@@ -418,11 +419,11 @@ def test_the_left_hand_does_not_move_the_head(
         assert np.linalg.norm(away) < 0.06 * size
 
 
-def test_one_hand_flaps_both_wings_like_a_mirror(cast: Cast, rehearsed: list[Moment]) -> None:
+def test_one_hand_flaps_both_wings_like_a_mirror(cast: Cast, rehearsed: list[Shown]) -> None:
     name = "seagull_with_master"
     x = of(cast, name).placement.position[0]
 
-    def wings(moment: Moment) -> tuple[Floats, Floats]:
+    def wings(moment: Shown) -> tuple[Floats, Floats]:
         left, right = (tip(cast, moment.asked[name], name, f"wing_tip.{side}") for side in "LR")
         return left - (x, 0.0, 0.0), right - (x, 0.0, 0.0)
 
@@ -442,7 +443,7 @@ def test_one_hand_flaps_both_wings_like_a_mirror(cast: Cast, rehearsed: list[Mom
 ABOUT = (16.8, 9.0, 19.8, 45.0)
 
 
-def gone_with(cast: Cast, rehearsed: list[Moment]) -> list[tuple[Moment, Floats, Pose, Floats]]:
+def gone_with(cast: Cast, rehearsed: list[Shown]) -> list[tuple[Shown, Floats, Pose, Floats]]:
     """(moment, metres of the hip, what is asked, metres of the puppet), both along the stage."""
     puppet = next(iter(cast))
     neutral = rehearsed[-1].neutral
@@ -461,7 +462,7 @@ def gone_with(cast: Cast, rehearsed: list[Moment]) -> list[tuple[Moment, Floats,
 @pytest.mark.parametrize(("name", "mode"), [("ostrich", "ik"), ("dog", "ik"), ("fish", "fk")])
 @pytest.mark.parametrize("follow", [(0.3, 0.0, 0.3), (0.1, 0.5, 0.4), (0.0, 0.0, 0.0)])
 def test_a_follow_in_three_numbers_holds_in_all_three_directions(
-    rehearsed: list[Moment],
+    rehearsed: list[Shown],
     tmp_path: Path,
     name: str,
     mode: Mode,
@@ -476,7 +477,7 @@ def test_a_follow_in_three_numbers_holds_in_all_three_directions(
     ("name", "mode"), [("dog", "fk"), ("lamp", "fk"), ("snake", "ik"), ("seagull", "ik")]
 )
 def test_what_stands_without_legs_that_bend_goes_up_with_a_jump_and_never_down(
-    rehearsed: list[Moment], tmp_path: Path, name: str, mode: Mode
+    rehearsed: list[Shown], tmp_path: Path, name: str, mode: Mode
 ) -> None:
     cast = on_stage(tmp_path, {name: mode}, "follow = [0.1, 0.5, 0.4]")
     for _, hip, _, gone in gone_with(cast, rehearsed):
@@ -487,7 +488,7 @@ def test_what_stands_without_legs_that_bend_goes_up_with_a_jump_and_never_down(
 
 @pytest.mark.parametrize("name", STANDING_ON_IK)
 def test_a_follow_in_one_number_leaves_it_to_the_legs_how_far_they_bend(
-    rehearsed: list[Moment], tmp_path: Path, name: str
+    rehearsed: list[Shown], tmp_path: Path, name: str
 ) -> None:
     by_steps = gone_with(on_stage(tmp_path, {name: "ik"}), rehearsed)
     by_number = gone_with(on_stage(tmp_path, {name: "ik"}, "follow = 0.2"), rehearsed)
@@ -504,7 +505,7 @@ def test_a_follow_in_one_number_leaves_it_to_the_legs_how_far_they_bend(
 
 @pytest.mark.parametrize("follow", ["0.3", "[0.3, 0.0, 0.3]", "[0.5, 0.4, 0.2]"])
 def test_planted_paws_stay_whatever_the_follow(
-    rehearsed: list[Moment], tmp_path: Path, follow: str
+    rehearsed: list[Shown], tmp_path: Path, follow: str
 ) -> None:
     name = "ostrich"
     cast = on_stage(tmp_path, {name: "ik"}, f"follow = {follow}")
@@ -544,19 +545,19 @@ def test_every_file_maps_and_moves(path: Path, tmp_path: Path) -> None:
     cast = load_cast(load_show(show), show)
     line = Line(cast)
     turned = dict.fromkeys(modes, 0.0)
-    for index, frame in enumerate(Rehearsal(RATE)):
+    for index, moment in enumerate(Rehearsal(RATE)):
         if index > RATE and index % 10:  # a second of each frame, so that the stance is seen
             continue
-        tick = line.step(frame)
+        tick = line.step(moment)
         for puppet in cast:
             pose, armature = tick.poses[puppet.name], puppet.model.armature
             values = np.concatenate([pose.translation, pose.rotation, pose.bones.ravel()])
-            assert np.isfinite(values).all(), f"{puppet.name} at {frame.time:.1f} s"
+            assert np.isfinite(values).all(), f"{puppet.name} at {moment.time:.1f} s"
             lengths = np.linalg.norm(np.vstack([pose.rotation, pose.bones]), axis=1)
             np.testing.assert_allclose(lengths, 1.0, atol=1e-6)
-            assert beyond_limits(armature, pose) < 1e-6, f"{puppet.name} at {frame.time:.1f} s"
+            assert beyond_limits(armature, pose) < 1e-6, f"{puppet.name} at {moment.time:.1f} s"
             if puppet.floor is not None:
-                assert lowest(puppet, pose) > -1e-6, f"{puppet.name} at {frame.time:.1f} s"
+                assert lowest(puppet, pose) > -1e-6, f"{puppet.name} at {moment.time:.1f} s"
             away = degrees(pose.bones, armature.rotations).max()
             turned[tick_mode(puppet)] = max(turned[tick_mode(puppet)], float(away))
     assert min(turned.values()) > 10.0, "and it does move"

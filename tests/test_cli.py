@@ -11,6 +11,7 @@ import pytest
 from PIL import Image
 
 from puppet.tracking.take import read_take
+from tests.moments import frames_of
 
 REPOSITORY = Path(__file__).resolve().parents[1]
 COMMANDS = (
@@ -60,7 +61,8 @@ def test_record_makes_a_take_that_can_be_recorded_again(tmp_path: Path) -> None:
     second = puppet("record", "b.mcap", "--source", "a.mcap", cwd=tmp_path)
     assert second.returncode == 0, second.stderr
     again = read_take(tmp_path / "b.mcap")
-    assert [f.positions.tobytes() for f in again] == [f.positions.tobytes() for f in take]
+    once, twice = ([f.positions.tobytes() for f in frames_of(t)] for t in (take, again))
+    assert once == twice
 
 
 def test_record_does_not_lose_what_was_there(tmp_path: Path) -> None:

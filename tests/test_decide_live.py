@@ -38,10 +38,11 @@ from puppet.net.messages import (
     SkeletonMessage,
     encode,
 )
-from puppet.net.stage import Stage, scene_of
+from puppet.net.scene import scene_of
+from puppet.net.stage import Stage
 from puppet.pose import Pose, forward_kinematics
 from puppet.show import load_show
-from puppet.skeleton import Joint, SkeletonFrame
+from puppet.skeleton import Joint, Moment, SkeletonFrame
 from tests.shows import ARMATURES, REPOSITORY, write_show
 from tests.stage_models import standing
 
@@ -85,7 +86,7 @@ class Performer:
         decode = Decoder(SceneMessage)
         self.bus.listen("scene", lambda data: self.scenes.append(decode(data)))
         self.positions = with_arms()
-        self._send = self.bus.publisher("skeleton")
+        self._send = self.bus.publisher("skeleton/camera")
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._perform, daemon=True)
         self._thread.start()
@@ -101,7 +102,7 @@ class Performer:
             self._send(
                 encode(
                     SkeletonMessage.of(
-                        frame,
+                        Moment.of(frame),
                         source="performer",
                         synthetic=True,
                         stream_ns=stream,

@@ -24,6 +24,7 @@ from puppet.rotation import IDENTITY
 from puppet.skeleton import HUMAN_BONE_NAMES, Joint, SkeletonFrame
 from puppet.tracking.rehearsal import Rehearsal
 from tests.armatures import armature_of, armatures
+from tests.moments import frames_of
 
 FISH = {
     "back": "",
@@ -38,7 +39,7 @@ FISH = {
 
 def standing() -> Floats:
     """(20, 3) the first frame of the rehearsal: somebody who just stands there."""
-    return np.array(next(iter(Rehearsal())).positions)
+    return np.array(Rehearsal().frame(0.0).positions)
 
 
 def frame(positions: Floats, influence: float = 1.0) -> SkeletonFrame:
@@ -69,7 +70,7 @@ def test_in_the_neutral_stance_everything_rests_whatever_its_axes(
 
 
 @given(
-    st.sampled_from(list(Rehearsal())[::40]),
+    st.sampled_from(frames_of(Rehearsal())[::40]),
     st.floats(-math.pi, math.pi),
     st.tuples(*[st.floats(-5, 5)] * 3),
 )
@@ -208,7 +209,7 @@ def test_a_turn_on_the_spot_turns_the_puppet_and_nothing_else() -> None:
     )
 
 
-@given(armatures(most=15), st.integers(0, 2**32 - 1), st.sampled_from(list(Rehearsal())[::40]))
+@given(armatures(most=15), st.integers(0, 2**32 - 1), st.sampled_from(frames_of(Rehearsal())[::40]))
 def test_a_bone_that_follows_repeats_its_share_of_its_parents_turn(
     armature: Armature, seed: int, seen: SkeletonFrame
 ) -> None:

@@ -25,10 +25,11 @@ from puppet.skeleton import HUMAN_BONES, Joint, SkeletonFrame
 from puppet.solvers.oriented_tips import OrientedTips
 from puppet.tracking.rehearsal import Rehearsal
 from tests.armatures import armatures
+from tests.moments import frames_of
 from tests.rig_changes import CAST, creatures, propose, shipped
 
-STANDING: Floats = np.array(next(iter(Rehearsal())).positions)
-SEEN = [frame for frame in Rehearsal() if frame.states.all()][::25]
+STANDING: Floats = np.array(Rehearsal().frame(0.0).positions)
+SEEN = [frame for frame in frames_of(Rehearsal()) if frame.states.all()][::25]
 UPPER = [joint for joint in Joint if "FOOT" not in joint.name and "ANKLE" not in joint.name]
 any_armature = st.one_of(armatures(), creatures())
 ways = st.tuples(*[st.floats(-0.4, 0.4)] * 3)
@@ -387,7 +388,7 @@ def test_poses_are_continuous(name: str) -> None:
     """Where a pose turns most between two frames, it turns little between two that are close:
     halving the time in which it does so, again and again, leaves no jump."""
     pose, rehearsal = solved(driven(name, Placement(grounded=name != "fish"))), Rehearsal()
-    seen = [frame for frame in Rehearsal(30.0) if frame.states.all()]
+    seen = [frame for frame in frames_of(Rehearsal(30.0)) if frame.states.all()]
     poses = [pose(frame) for frame in seen]
     turns = [
         (widest_turn(poses[i], poses[i + 1]), seen[i].time, seen[i + 1].time)

@@ -18,6 +18,8 @@ LAYERS = {
     "net": 4,
     "line": 3,
     "driven": 3,
+    "parts": 2,
+    "performer": 2,
     "render": 3,
     "cast": 2,
     "tracking": 2,

@@ -13,7 +13,7 @@ from puppet.cast import Cast, load_cast
 from puppet.line import Line, Tick
 from puppet.pose import forward_kinematics, rest_pose
 from puppet.show import load_show
-from puppet.skeleton import SkeletonFrame
+from puppet.skeleton import Moment
 from puppet.tracking.rehearsal import SECTIONS, Rehearsal
 from puppet.tracking.replay import Replay, paced
 from puppet.tracking.take import read_take
@@ -31,7 +31,7 @@ def cast() -> Cast:
 @pytest.fixture(scope="module")
 def rehearsed(cast: Cast) -> list[Tick]:
     line = Line(cast)
-    return [line.step(frame) for frame in Rehearsal()]
+    return [line.step(moment) for moment in Rehearsal()]
 
 
 def section(word: str) -> slice:
@@ -127,14 +127,14 @@ def test_when_the_performer_leaves_the_puppets_go_to_rest_and_wake_up_again(
 def test_no_bone_ever_pops(cast: Cast, path: Path) -> None:
     """No bone turns faster than 720 degrees a second."""
     line = Line(cast)
-    ticks = [line.step(frame) for frame in read_take(path)]
+    ticks = [line.step(moment) for moment in read_take(path)]
     for before, after in pairwise(ticks):
-        dt = after.frame.time - before.frame.time
+        dt = after.time - before.time
         for name, pose in after.poses.items():
             turned = (
                 Rotation.from_quat(pose.bones) * Rotation.from_quat(before.poses[name].bones).inv()
             )
-            assert np.degrees(turned.magnitude()).max() / dt < 725, f"{name} at {after.frame.time}"
+            assert np.degrees(turned.magnitude()).max() / dt < 725, f"{name} at {after.time}"
             moved = np.abs(pose.translation - before.poses[name].translation).max()
             assert moved / dt < 6.0
 
@@ -143,11 +143,11 @@ def test_no_bone_ever_pops(cast: Cast, path: Path) -> None:
 def test_a_take_gives_the_same_poses_bit_for_bit_at_any_speed(cast: Cast, speed: float) -> None:
     take = read_take(STREAMS[0])
 
-    def poses(frames: list[SkeletonFrame]) -> list[bytes]:
+    def poses(moments: list[Moment]) -> list[bytes]:
         line = Line(cast)
         return [
-            b"".join(pose.bones.tobytes() for pose in line.step(frame).poses.values())
-            for frame in frames
+            b"".join(pose.bones.tobytes() for pose in line.step(moment).poses.values())
+            for moment in moments
         ]
 
     dues, played = zip(*paced(Replay.of(take, speed=speed)), strict=True)
@@ -169,12 +169,12 @@ def test_before_anybody_was_seen_all_is_at_rest(cast: Cast) -> None:
 
 def test_the_line_goes_on_by_itself_when_frames_stop(cast: Cast) -> None:
     line = Line(cast)
-    frames = list(Rehearsal())[: int(SECTIONS[1].end * 30) - 30]
-    for frame in frames:
-        last = line.step(frame)
+    moments = list(Rehearsal())[: int(SECTIONS[1].end * 30) - 30]
+    for moment in moments:
+        last = line.step(moment)
     fin = next(p for p in cast if p.name == "fish").model.armature.index("fin.R")
     for step in range(1, 150):
-        tick = line.idle(frames[-1].time + step / 30)
+        tick = line.idle(moments[-1].time + step / 30)
     armature = next(p for p in cast if p.name == "fish").model.armature
     assert np.abs(last.poses["fish"].bones[fin] - armature.rotations[fin]).max() > 0.05
     assert np.abs(tick.poses["fish"].bones[fin] - armature.rotations[fin]).max() < 0.01

@@ -31,7 +31,7 @@ from puppet.net.messages import (
     encode,
 )
 from puppet.show import load_show
-from puppet.skeleton import SkeletonFrame
+from puppet.skeleton import Moment, SkeletonFrame
 from puppet.tracking.rehearsal import Rehearsal
 from puppet.tracking.take import read_take
 
@@ -131,7 +131,7 @@ def test_the_bus_changes_no_bit_of_a_pose(stage: tuple[int, Scenes]) -> None:
     """A take through tracker, bus and stage gives the poses that the line gives by itself."""
     _port, scenes = stage
     line = Line(load_cast(load_show(SHOW), SHOW))
-    send = scenes.bus.publisher("skeleton")
+    send = scenes.bus.publisher("skeleton/camera")
     for frame in list(read_take(TAKE))[:40]:
         wanted = line.step(frame)
         message = SkeletonMessage.of(
@@ -154,7 +154,7 @@ def test_a_tracker_is_picked_up_killed_and_replaced_while_the_show_runs(
     first.kill()
     first.communicate()
     # The stage goes on by itself, and what was lost eases away.
-    gone = scenes.until(lambda s: s.frame_sent_ns == 0 and s.performer is not None)
+    gone = scenes.until(lambda s: s.frame_sent_ns == 0 and len(s.performers) > 0)
     assert gone.puppets
     with running(*arguments, "--source", "rehearsal"):
         back = scenes.until(lambda s: s.source == "rehearsal" and s.frame_sent_ns > 0)
@@ -179,12 +179,14 @@ def test_a_message_of_another_version_is_refused_and_the_show_goes_on(
     stage: tuple[int, Scenes],
 ) -> None:
     _port, scenes = stage
-    send = scenes.bus.publisher("skeleton")
-    seen = next(iter(Rehearsal()))
+    send = scenes.bus.publisher("skeleton/camera")
+    seen = Rehearsal().frame(0.0)
 
     def message(version: int, sequence: int) -> bytes:
         frame = SkeletonFrame(sequence / 30, sequence, 0, seen.positions, seen.states)
-        made = SkeletonMessage.of(frame, source="s", synthetic=True, stream_ns=5, sent_ns=sequence)
+        made = SkeletonMessage.of(
+            Moment.of(frame), source="s", synthetic=True, stream_ns=5, sent_ns=sequence
+        )
         return encode(msgspec.structs.replace(made, version=version))
 
     send(message(99, 1))

@@ -10,10 +10,12 @@ import numpy as np
 import pytest
 
 from puppet.errors import BadMessageError
-from puppet.net import mapping_messages, messages
+from puppet.net import mapping_messages, messages, part_messages
 from puppet.net.messages import (
     CastMessage,
+    ConditioningMessage,
     Decoder,
+    EventMessage,
     HealthMessage,
     Message,
     PuppetPose,
@@ -22,11 +24,12 @@ from puppet.net.messages import (
     encode,
 )
 from puppet.pose import Pose
-from puppet.skeleton import SkeletonFrame
+from puppet.skeleton import Moment, SkeletonFrame
 
-MAPPING = [
+ASKED = [
     kind
-    for kind in vars(mapping_messages).values()
+    for module in (mapping_messages, part_messages)
+    for kind in vars(module).values()
     if isinstance(kind, type) and issubclass(kind, Message) and kind is not Message
 ]
 #: Version -> fingerprint of all layouts. After a change of layout: a new version, a new line here.
@@ -39,11 +42,13 @@ def frame() -> SkeletonFrame:
 
 
 def skeleton_message() -> SkeletonMessage:
-    return SkeletonMessage.of(frame(), source="s", synthetic=True, stream_ns=1, sent_ns=2)
+    return SkeletonMessage.of(
+        Moment.of(frame()), source="s", synthetic=True, stream_ns=1, sent_ns=2
+    )
 
 
 def test_a_skeleton_comes_through_bit_for_bit() -> None:
-    got = Decoder(SkeletonMessage)(encode(skeleton_message())).frame()
+    got = Decoder(SkeletonMessage)(encode(skeleton_message())).moment().frame_of(2)
     assert got.positions.tobytes() == frame().positions.tobytes()
     assert (got.time, got.sequence, got.performer) == (1.5, 7, 2)
     np.testing.assert_array_equal(got.states, frame().states)
@@ -58,7 +63,15 @@ def test_a_pose_comes_through_bit_for_bit() -> None:
 
 
 def test_the_layout_of_messages_changes_only_with_the_version() -> None:
-    kinds = [SkeletonMessage, SceneMessage, CastMessage, HealthMessage, *MAPPING]
+    kinds = [
+        SkeletonMessage,
+        SceneMessage,
+        ConditioningMessage,
+        EventMessage,
+        CastMessage,
+        HealthMessage,
+        *ASKED,
+    ]
     schema = json.dumps(msgspec.json.schema_components(kinds), sort_keys=True, default=str)
     fingerprint = hashlib.sha256(schema.encode()).hexdigest()[:16]
     assert LAYOUTS.get(messages.VERSION) == fingerprint
@@ -96,5 +109,15 @@ def test_bytes_that_are_no_message_are_refused(data: bytes) -> None:
     ],
 )
 def test_impossible_skeletons_are_refused(change: dict[str, bytes], says: str) -> None:
+    message = skeleton_message()
+    broken = msgspec.structs.replace(message.skeletons[0], **change)
+    message = msgspec.structs.replace(message, skeletons=(broken,))
     with pytest.raises(BadMessageError, match=says):
-        msgspec.structs.replace(skeleton_message(), **change).frame()
+        message.moment()
+
+
+def test_a_performer_who_is_there_twice_is_refused() -> None:
+    message = skeleton_message()
+    twice = msgspec.structs.replace(message, skeletons=message.skeletons * 2)
+    with pytest.raises(BadMessageError, match="contradicts itself"):
+        twice.moment()

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from puppet.tracking.fusion import Fusion
 
 from puppet.cast import load_cast
 from puppet.commands.parts import parts_live
@@ -30,7 +31,6 @@ from puppet.net.part_messages import PartsRequest
 from puppet.net.stage import Stage
 from puppet.show import PartConfig, load_show
 from puppet.skeleton import Joint, Moment
-from puppet.tracking.fusion import Fusion
 from tests.shows import write_show
 from tests.test_parts import standing
 
@@ -58,11 +58,11 @@ class Tracker:
                 standing(number, x, -2.0, self.clock, hand_up=name.startswith("up"))
                 for name, (number, x) in self.people.items()
             )
-            frames = Moment(self.clock, round(30 * self.clock), frames).at(self.clock, sequence)
+            moment = Moment(self.clock, sequence, frames).at(self.clock, sequence)
             self._send(
                 encode(
                     SkeletonMessage.of(
-                        frames,
+                        moment,
                         source="people",
                         camera=self._camera,
                         synthetic=True,

@@ -11,6 +11,7 @@ from puppet.errors import BadFileError
 from puppet.tracking.recording import import_recording
 from puppet.tracking.rehearsal import Rehearsal
 from puppet.tracking.take import read_take, write_take
+from tests.moments import frames_of
 from tests.test_bvh import person
 from tests.test_kinect_import import MILLISECONDS, TICKS, bodies, csv1, csv2, skl
 
@@ -44,11 +45,11 @@ def test_an_imported_take_reads_back_as_it_was(tmp_path: Path) -> None:
     times = [*MILLISECONDS[:5], *(time + 3000 for time in MILLISECONDS[5:9])]
     path.write_text(skl(bodies(9), times))
     imported = import_recording(path)
-    write_take(tmp_path / "a.mcap", imported.info, imported.frames)
+    write_take(tmp_path / "a.mcap", imported.info, imported.take)
     take = read_take(tmp_path / "a.mcap")
     assert len(take) == len(imported.frames)
     assert take.info == imported.info
-    for one, other in zip(take, imported.frames, strict=True):
+    for one, other in zip(frames_of(take), imported.frames, strict=True):
         np.testing.assert_allclose(one.positions, other.positions, atol=1e-4)
         np.testing.assert_array_equal(one.states, other.states)
         assert one.time == pytest.approx(other.time, abs=1e-6)
@@ -94,6 +95,6 @@ def test_a_missing_file_and_a_folder_are_refused(tmp_path: Path) -> None:
 
 def test_a_take_need_not_be_imported(tmp_path: Path) -> None:
     source = Rehearsal()
-    write_take(tmp_path / "a.mcap", source.info, [source.frame(0.0)])
+    write_take(tmp_path / "a.mcap", source.info, [next(iter(source))])
     with pytest.raises(BadFileError, match="a take already"):
         import_recording(tmp_path / "a.mcap")

@@ -12,6 +12,7 @@ from puppet.skeleton import JOINT_PARENTS, Joint
 from puppet.tracking.choreography import HIDDEN, STEPPING, feet
 from puppet.tracking.rehearsal import DURATION, SECTIONS, Rehearsal, body
 from puppet.tracking.take import read_take
+from tests.moments import frames_of
 
 RATE = 60
 TIMES = np.arange(round(DURATION * RATE) + 1) / RATE
@@ -150,7 +151,7 @@ def test_a_hidden_hand_is_inferred_then_lost_then_found() -> None:
 
 
 def test_who_leaves_is_nobody_for_two_seconds_and_comes_back() -> None:
-    frames = list(Rehearsal())
+    frames = frames_of(Rehearsal())
     away = [frame.time for frame in frames if not frame.present]
     assert away[-1] - away[0] >= 2.0
     assert len(away) == round((away[-1] - away[0]) * 30) + 1
@@ -164,6 +165,6 @@ def test_the_recorded_stream_is_what_the_source_gives() -> None:
     take = read_take(TAKE)
     assert take.info.synthetic
     assert not take.warnings
-    for recorded, frame in zip(take, Rehearsal(), strict=True):
+    for recorded, frame in zip(frames_of(take), frames_of(Rehearsal()), strict=True):
         np.testing.assert_allclose(recorded.positions, frame.positions, atol=1e-4)
         np.testing.assert_array_equal(recorded.states, frame.states)

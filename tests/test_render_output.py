@@ -173,11 +173,11 @@ def test_the_overlay_says_what_is_known_and_no_more() -> None:
     assert lines(nobody) == ("nobody on stage", "cam01.mp4")
     frame = standing()
     frame.states[:6] = TrackingState.INFERRED
-    known = Picture(performer=frame, status=Status(59.6, 0.0213, "rehearsal", ("synthetic",)))
+    known = Picture(performers=[frame], status=Status(59.6, 0.0213, "rehearsal", ("synthetic",)))
     assert lines(known) == ("14/20 joints   60 fps   21 ms", "rehearsal  ·  synthetic")
     assert known.state is TrackingState.INFERRED
     assert nobody.state is TrackingState.NOT_TRACKED
-    assert Picture(performer=standing()).state is TrackingState.TRACKED
+    assert Picture(performers=[standing()]).state is TrackingState.TRACKED
 
 
 def test_the_dot_of_the_overlay_shows_the_state() -> None:

@@ -192,7 +192,7 @@ def test_the_performers_left_hand_is_on_the_viewers_right(renderer: Renderer) ->
     for joint in (Joint.SHOULDER_LEFT, Joint.ELBOW_LEFT, Joint.WRIST_LEFT, Joint.HAND_LEFT):
         left_only.states[joint] = TrackingState.TRACKED
     empty = shot(renderer, Picture(camera=CAMERA))
-    drawn = differ(empty, shot(renderer, Picture(performer=left_only, camera=CAMERA)))
+    drawn = differ(empty, shot(renderer, Picture(performers=[left_only], camera=CAMERA)))
     above = drawn[: SIZE[1] // 2]
     assert np.argwhere(above)[:, 1].min() > SIZE[0] // 2
 
@@ -200,10 +200,9 @@ def test_the_performers_left_hand_is_on_the_viewers_right(renderer: Renderer) ->
 def test_the_performer_stands_and_faces_where_the_picture_says(renderer: Renderer) -> None:
     frame = standing()
     half_turn = Picture(
-        performer=frame, performer_offset=(0.5, 0.0, -1.0), performer_yaw=np.pi, camera=CAMERA
+        performers=[frame], performer_offset=(0.5, 0.0, -1.0), performer_yaw=np.pi, camera=CAMERA
     )
-    joints = half_turn.performer_joints
-    assert joints is not None
+    joints = half_turn.in_world(frame)
     np.testing.assert_allclose(joints[Joint.HIP_CENTER], (0.5, 0.95, -1.0), atol=1e-9)
     assert joints[Joint.HAND_LEFT][0] < 0.5
     empty = shot(renderer, Picture(camera=CAMERA))
@@ -215,7 +214,7 @@ def test_a_mapped_human_bone_has_its_colour_and_the_others_are_grey(renderer: Re
     forearm = HUMAN_BONE_NAMES.index("forearm.L")
     renderer.add_puppet(PuppetOnStage("tower", tower(2), {0: forearm}))
     camera = replace(CAMERA, target=(0.48, 1.1, 0.0), distance=1.5, pitch=0.0)
-    drawn = shot(renderer, Picture(performer=standing(), camera=camera)).astype(int)
+    drawn = shot(renderer, Picture(performers=[standing()], camera=camera)).astype(int)
     frame = standing().positions
     for start, end, colored in (("ELBOW", "WRIST", True), ("SHOULDER", "ELBOW", False)):
         middle = (frame[Joint[f"{start}_LEFT"]] + frame[Joint[f"{end}_LEFT"]]) / 2
@@ -228,7 +227,7 @@ def test_an_inferred_joint_is_fainter_and_a_lost_one_is_left_out(renderer: Rende
     empty = shot(renderer, Picture(camera=CAMERA)).astype(int)
 
     def strength(state: TrackingState) -> int:
-        picture = Picture(performer=standing(state), camera=CAMERA)
+        picture = Picture(performers=[standing(state)], camera=CAMERA)
         return int(np.abs(shot(renderer, picture).astype(int) - empty).sum())
 
     tracked, inferred, lost = (strength(state) for state in reversed(TrackingState))
@@ -239,11 +238,11 @@ def test_an_inferred_joint_is_fainter_and_a_lost_one_is_left_out(renderer: Rende
 def test_joints_that_are_not_numbers_are_left_out(renderer: Renderer) -> None:
     frame = standing()
     frame.positions[Joint.HAND_LEFT] = np.nan
-    picture = Picture(performer=frame, camera=CAMERA)
+    picture = Picture(performers=[frame], camera=CAMERA)
     assert np.isfinite(renderer.extent(picture)).all()
     lost = standing()
     lost.states[Joint.HAND_LEFT] = 0
-    expected = shot(renderer, replace(picture, performer=lost))
+    expected = shot(renderer, replace(picture, performers=[lost]))
     assert not differ(shot(renderer, picture), expected, 0).any()
 
 
@@ -251,7 +250,7 @@ def test_the_extent_holds_all_that_is_drawn(renderer: Renderer) -> None:
     model = tower(3, height=1.2)
     renderer.add_puppet(PuppetOnStage("tower", model))
     pose = lifted(bent(model, 1, (0.3, 0, 0.7)), (0.8, 0.0, 0.0))
-    picture = Picture({"tower": pose}, standing(), performer_offset=(-0.8, 0, 0))
+    picture = Picture({"tower": pose}, [standing()], performer_offset=(-0.8, 0, 0))
     for yaw in (0.0, 0.7, -2.0):
         camera = replace(Camera(), yaw=yaw).frame_all(renderer.extent(picture), SIZE[0] / SIZE[1])
         drawn = shot(renderer, replace(picture, camera=camera))
@@ -263,7 +262,7 @@ def test_the_extent_holds_all_that_is_drawn(renderer: Renderer) -> None:
 
 
 def test_the_top_row_comes_first(renderer: Renderer) -> None:
-    drawn = shot(renderer, Picture(performer=standing(), camera=replace(CAMERA, pitch=0.1)))
+    drawn = shot(renderer, Picture(performers=[standing()], camera=replace(CAMERA, pitch=0.1)))
     assert drawn.shape == (SIZE[1], SIZE[0], 3)
     assert drawn.dtype == np.uint8
     # The lit floor is below, the dark room above.
@@ -273,7 +272,7 @@ def test_the_top_row_comes_first(renderer: Renderer) -> None:
 def test_the_same_picture_is_drawn_the_same_again(renderer: Renderer) -> None:
     model = tower(2)
     renderer.add_puppet(PuppetOnStage("tower", model, {1: 4}))
-    picture = Picture({"tower": rest_pose(model.armature)}, standing(), camera=CAMERA)
+    picture = Picture({"tower": rest_pose(model.armature)}, [standing()], camera=CAMERA)
     first = shot(renderer, picture)
     shot(renderer, Picture(camera=replace(CAMERA, yaw=1.0)))
     assert (shot(renderer, picture) == first).all()
@@ -310,7 +309,7 @@ def test_a_resized_renderer_draws_pictures_of_the_new_size(renderer: Renderer) -
 
 def test_the_target_gets_a_copy(ctx: moderngl.Context, renderer: Renderer) -> None:
     target = ctx.simple_framebuffer(SIZE)
-    renderer.draw(Picture(performer=standing(), camera=CAMERA), target)
+    renderer.draw(Picture(performers=[standing()], camera=CAMERA), target)
     data = target.read(components=3, alignment=1)
     copied = np.frombuffer(data, np.uint8).reshape(SIZE[1], SIZE[0], 3)[::-1]
     assert (copied == renderer.read()).all()
@@ -350,7 +349,7 @@ def test_a_texture_is_drawn_the_right_way_round_and_a_clear_skin_lets_light_thro
 
 
 def test_the_overlay_speaks_in_the_lower_left_corner_and_nowhere_else(renderer: Renderer) -> None:
-    plain = Picture(performer=standing(), camera=CAMERA)
+    plain = Picture(performers=[standing()], camera=CAMERA)
     spoken = replace(plain, status=Status(60.0, 0.021, "webcam:0", ("rehearsal · synthetic",)))
     changed = np.argwhere(differ(shot(renderer, plain), shot(renderer, spoken)))
     assert len(changed) > 100
@@ -413,7 +412,7 @@ with Window("a test", (320, 240), vsync=False, on_picture=lambda: asked.append(1
             window.poll()
         window.poll()
         renderer.resize(size)
-        renderer.draw(Picture(performer=standing(), camera=window.camera), window.ctx.screen)
+        renderer.draw(Picture(performers=[standing()], camera=window.camera), window.ctx.screen)
         assert window.ctx.error == "GL_NO_ERROR"
         seen = window.ctx.screen.read((0, 0, *size), components=3, alignment=1)
         shown = np.frombuffer(seen, np.uint8)

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from mcap.reader import make_reader
 
 from puppet.errors import BadFileError
-from puppet.skeleton import JOINT_NAMES, SkeletonFrame
+from puppet.skeleton import JOINT_NAMES, Moment, SkeletonFrame
 from puppet.tracking.source import SourceInfo
 from puppet.tracking.take import SCHEMA, Take, read_take, write_take
 
@@ -21,13 +21,18 @@ INFO = SourceInfo("a test", "test", 30.0, synthetic=True, floor=(0.0, 1.0, 0.0, 
 RECORDED = sorted((Path(__file__).parent / "recorded_streams").glob("*.mcap"))
 
 
-def some_frames(count: int, seed: int = 0) -> list[SkeletonFrame]:
+def some_moments(count: int, seed: int = 0) -> list[Moment]:
+    """Two performers, of whom one is there now and then only."""
     rng = np.random.default_rng(seed)
+
+    def frame(i: int, performer: int) -> SkeletonFrame:
+        states = rng.integers(0, 3, 20).astype(np.uint8)
+        states[0] = 2
+        return SkeletonFrame(i / 30, i, performer, rng.normal(size=(20, 3)), states)
+
+    there = [(4,), (4, 7), (7,), ()]
     return [
-        SkeletonFrame(
-            i / 30, i, 0, rng.normal(size=(20, 3)), rng.integers(0, 3, 20).astype(np.uint8)
-        )
-        for i in range(count)
+        Moment(i / 30, i, tuple(frame(i, one) for one in there[i // 5 % 4])) for i in range(count)
     ]
 
 
@@ -36,27 +41,31 @@ def test_a_take_gives_back_what_was_written(
     tmp_path_factory: pytest.TempPathFactory, count: int, seed: int
 ) -> None:
     path = tmp_path_factory.mktemp("take") / "a.mcap"
-    frames = some_frames(count, seed)
-    assert write_take(path, INFO, frames) == count
+    moments = some_moments(count, seed)
+    assert write_take(path, INFO, moments) == count
     take = read_take(path)
     assert take.info == INFO
     assert not take.warnings
-    for wrote, read in zip(frames, take, strict=True):
-        assert (read.sequence, read.performer) == (wrote.sequence, wrote.performer)
+    for wrote, read in zip(moments, take, strict=True):
+        assert read.sequence == wrote.sequence
         assert read.time == pytest.approx(wrote.time, abs=1e-6)
-        np.testing.assert_allclose(read.positions, wrote.positions, atol=5.1e-5)
-        np.testing.assert_array_equal(read.states, wrote.states)
+        for one, other in zip(wrote.frames, read.frames, strict=True):
+            assert one.performer == other.performer
+            np.testing.assert_allclose(other.positions, one.positions, atol=5.1e-5)
+            np.testing.assert_array_equal(other.states, one.states)
 
 
 def test_other_mcap_tools_can_open_it_and_the_schema_is_true(tmp_path: Path) -> None:
     path = tmp_path / "a.mcap"
-    write_take(path, INFO, some_frames(50))
+    moments = some_moments(50)
+    write_take(path, INFO, moments)
     with path.open("rb") as file:
         reader = make_reader(file)
         summary = reader.get_summary()
         assert summary is not None
         assert summary.statistics is not None
-        assert summary.statistics.message_count == 50
+        # A message for each performer, and one where nobody is there.
+        assert summary.statistics.message_count == sum(max(1, len(m.frames)) for m in moments)
         for schema, channel, message in reader.iter_messages():
             assert schema is not None
             assert (schema.encoding, channel.message_encoding) == ("jsonschema", "json")
@@ -69,7 +78,7 @@ def test_other_mcap_tools_can_open_it_and_the_schema_is_true(tmp_path: Path) -> 
 @pytest.mark.parametrize("share", [0.4, 0.6, 0.8, 0.95])
 def test_a_take_that_was_cut_off_still_gives_its_frames(tmp_path: Path, share: float) -> None:
     path = tmp_path / "a.mcap"
-    write_take(path, INFO, some_frames(300))
+    write_take(path, INFO, some_moments(300))
     data = path.read_bytes()
     path.write_bytes(data[: int(len(data) * share)])
     take = read_take(path)
@@ -80,7 +89,7 @@ def test_a_take_that_was_cut_off_still_gives_its_frames(tmp_path: Path, share: f
 
 @pytest.mark.parametrize(("rate", "count"), [(30.0, 30), (15.0, 15), (10.0, 10), (60.0, 30)])
 def test_a_thinned_take_keeps_its_time_and_spacing(rate: float, count: int) -> None:
-    take = Take(INFO, tuple(some_frames(31))).thinned(rate)
+    take = Take(INFO, tuple(some_moments(31))).thinned(rate)
     assert len(take) == count + 1
     times = [frame.time for frame in take]
     np.testing.assert_allclose(np.diff(times), 1.0 / min(rate, 30.0), atol=1e-9)
@@ -112,7 +121,7 @@ def test_a_take_of_another_format_version_is_refused(
 ) -> None:
     path = tmp_path / "a.mcap"
     monkeypatch.setattr("puppet.tracking.take.FORMAT_VERSION", 99)
-    write_take(path, INFO, some_frames(3))
+    write_take(path, INFO, some_moments(3))
     monkeypatch.undo()
     with pytest.raises(BadFileError, match="another format version") as caught:
         read_take(path)

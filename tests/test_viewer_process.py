@@ -25,7 +25,7 @@ from puppet.net.messages import (
     SceneMessage,
     encode,
 )
-from puppet.net.stage import scene_of
+from puppet.net.scene import scene_of
 from puppet.show import load_show
 from puppet.tracking.rehearsal import Rehearsal
 
@@ -103,13 +103,12 @@ def test_scenes_that_make_no_sense_are_left_out_and_the_picture_goes_on(
     stage.show_until(good, lambda health: health.counters.get("frames_drawn", 0) > 3)
     broken = msgspec.structs.replace(good.puppets[0], bones=b"1234567")
     other = msgspec.structs.replace(good.puppets[0], bones=good.puppets[1].bones)
-    assert good.performer is not None
-    stateless = msgspec.structs.replace(good.performer, states=bytes([7] * 20))
+    stateless = msgspec.structs.replace(good.performers[0], states=bytes([7] * 20))
     for number, bad in enumerate(
         (
             msgspec.structs.replace(good, puppets=(broken,)),
             msgspec.structs.replace(good, puppets=(other,)),
-            msgspec.structs.replace(good, performer=stateless),
+            msgspec.structs.replace(good, performers=(stateless,)),
             msgspec.structs.replace(good, version=7),
         ),
         start=1,

@@ -23,7 +23,6 @@ from puppet.render.context import headless_context
 from puppet.render.output import open_output
 from puppet.render.window import Window, display_available
 from puppet.show import BusConfig, Show, load_show
-from puppet.tracking.fusion import Fusion
 from puppet.tracking.open import open_source
 
 
@@ -153,7 +152,11 @@ def stage_show(path: Path, port: int | None) -> None:
                 _say(f"puppet stage: {warning}")
         line = Line.of(show, cast)
         line.warm_up()
-        fusion = Fusion() if len(show.all_sources) > 1 else None
+        fusion = None
+        if len(show.all_sources) > 1:
+            from puppet.tracking.fusion import Fusion
+
+            fusion = Fusion()
         Stage(line, bus, cast.mappings, fusion).run(stop)
 
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 import threading
 import time
 from queue import SimpleQueue
+from typing import Protocol
 
 from puppet.errors import BadMessageError
 from puppet.line import Line, Tick
@@ -23,11 +24,18 @@ from puppet.net.part_endpoint import PartEndpoint
 from puppet.net.scene import Events, conditioning_of, scene_of
 from puppet.net.stream_clock import NOMINAL_STEP, StageClock, StreamGate
 from puppet.skeleton import Moment
-from puppet.tracking.fusion import Fusion
 
 #: Seconds of silence after which the stage goes on by itself, and how often it then steps.
 SILENCE = 0.12
 IDLE_STEP = NOMINAL_STEP
+
+
+class Fuses(Protocol):
+    """Makes one moment of what several cameras see, as `puppet.tracking.fusion` does."""
+
+    def add(self, camera: str, moment: Moment, arrived: float) -> Moment | None:
+        """Take in what a camera sees, heard at `arrived` (monotonic seconds)."""
+        ...
 
 
 class Stage:
@@ -38,7 +46,7 @@ class Stage:
         line: Line,
         bus: Bus,
         mappings: MappingService | None = None,
-        fusion: Fusion | None = None,
+        fusion: Fuses | None = None,
     ) -> None:
         """`mappings`: who decides; None leaves every puppet as it is. `fusion`: makes one moment of
         what several cameras see; None where there is one camera."""

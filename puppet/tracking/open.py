@@ -5,13 +5,17 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from puppet.errors import BadShowError, UnavailableError
+from puppet.errors import BadShowError
 from puppet.show import TrackingConfig
 from puppet.tracking.camera import Camera
 from puppet.tracking.replay import Repeat, Replay
 from puppet.tracking.source import Source
 from puppet.tracking.take import read_take
+
+if TYPE_CHECKING:
+    from puppet.tracking.models import PoseModels
 
 #: What can be typed, for help texts and errors.
 FORMS = "a take (.mcap), a video file, webcam:N or rehearsal"
@@ -46,9 +50,10 @@ def open_source(
             raise BadShowError(
                 "this is not a webcam", where="source", expected="webcam:0, webcam:1, …", found=text
             )
+        models = _models()
         from puppet.tracking.webcam import Webcam
 
-        return _watched(Webcam(int(rest)), tracking)
+        return _watched(Webcam(int(rest)), models, tracking)
     path = Path(text) if folder is None else folder / text
     if not path.exists():
         raise BadShowError(
@@ -66,18 +71,20 @@ def open_source(
         if max_rate is not None:
             take = take.thinned(max_rate)
         return Replay.of(take, repeat=repeat, speed=speed)
+    models = _models()
     from puppet.tracking.video_file import VideoFile
 
-    return _watched(VideoFile(path), tracking)
+    return _watched(VideoFile(path), models, tracking)
 
 
-def _watched(camera: Camera, tracking: TrackingConfig | None) -> Source:
+def _models() -> PoseModels:
+    """Before a camera is opened: without them it would be opened for nothing."""
     from puppet.tracking.models import model_paths
+
+    return model_paths()
+
+
+def _watched(camera: Camera, models: PoseModels, tracking: TrackingConfig | None) -> Source:
     from puppet.tracking.watcher import Watcher
 
-    try:
-        models = model_paths()
-    except UnavailableError:
-        camera.close()
-        raise
     return Watcher(camera, models, tracking)
