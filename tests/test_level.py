@@ -10,7 +10,9 @@ from scipy.spatial.transform import Rotation
 
 from puppet.kernel import Bytes, Floats
 from puppet.skeleton import JOINT_COUNT, Joint, TrackingState
+from puppet.tracking.floor_plane import FloorPlane
 from puppet.tracking.level import Level
+from puppet.tracking.stage_frame import StageFromCamera
 
 TRACKED: Bytes = np.full(JOINT_COUNT, TrackingState.TRACKED, np.uint8)
 
@@ -124,3 +126,90 @@ def test_nothing_is_learnt_before_anybody_came() -> None:
     level = Level()
     level.settle()
     np.testing.assert_allclose(level.to_stage(standing()), standing())
+
+
+def plane(up: Floats, height: float) -> FloorPlane:
+    return FloorPlane(up, height, 0.4, 3.0, 0.003, 0.9)
+
+
+@settings(max_examples=10)
+@given(tilts)
+def test_a_floor_seen_in_depth_counts_at_once_while_nobody_is_there(
+    tilt: tuple[float, float, float],
+) -> None:
+    body, up = seen_by(*tilt)
+    level = Level()
+    assert level.origin == "a guess"
+    level.see_floor(plane(up, tilt[0]))
+    assert level.origin == "depth"
+    np.testing.assert_allclose(level.to_stage(body)[:, 1], standing()[:, 1], atol=1e-9)
+    for _ in range(100):  # and from then on people teach nothing
+        level.observe(body + (0.0, 0.3, 0.0), TRACKED)
+    np.testing.assert_allclose(level.to_stage(body)[:, 1], standing()[:, 1], atol=1e-9)
+
+
+def test_a_floor_seen_in_depth_does_not_move_who_is_there_in_one_go() -> None:
+    body, up = seen_by(1.2, -0.3, 0.1)
+    level = Level()
+    level.observe(body, TRACKED)
+    places = [level.to_stage(body)]
+    level.see_floor(plane(up, 1.2))
+    for _ in range(200):
+        places.append(level.to_stage(body))
+        level.observe(body, TRACKED)
+    assert np.abs(np.diff(places, axis=0)).max() < 0.06
+    np.testing.assert_allclose(places[-1][:, 1], standing()[:, 1], atol=1e-3)
+
+
+def test_a_floor_in_depth_corrects_gravity_and_replaces_feet() -> None:
+    body, up = seen_by(1.2, -0.3, 0.0)
+    level = Level(up + (0.02, 0.0, 0.0))
+    level.observe(body, TRACKED)
+    assert level.origin == "gravity and feet"
+    level.see_floor(plane(up, 1.2))
+    level.settle()
+    assert level.origin == "depth"
+    np.testing.assert_allclose(level.up, up, atol=1e-9)
+
+
+def test_a_saved_calibration_is_the_last_word() -> None:
+    body, up = seen_by(1.2, -0.3, 0.0)
+    saved = StageFromCamera(np.eye(3), np.array([1.0, 2.0, 3.0]))
+    level = Level(saved=saved)
+    assert level.fixed
+    level.see_floor(plane(up, 1.2))
+    level.observe(body, TRACKED)
+    level.settle()
+    assert level.origin == "a saved calibration"
+    np.testing.assert_allclose(level.to_stage(body), body + (1.0, 2.0, 3.0))
+
+
+def test_it_says_what_told_it_the_floor() -> None:
+    level = Level()
+    states = TRACKED.copy()
+    states[[Joint.FOOT_LEFT, Joint.FOOT_RIGHT]] = 0
+    level.observe(standing(), states)
+    assert level.origin == "hips"
+    level.observe(standing(), TRACKED)
+    assert level.origin == "feet"
+    assert Level(floor=1.2).origin == "a given height"
+
+
+def test_people_say_about_where_to_look_for_the_floor() -> None:
+    body, up = seen_by(1.5, -0.4, 0.3)
+    level = Level()
+    for _ in range(100):
+        level.observe(body, TRACKED)
+    found, within = level.about_up
+    assert found is not None
+    assert within is not None
+    assert math.acos(float(found @ up)) < within
+
+
+def test_before_that_there_is_nothing_but_the_camera_or_gravity() -> None:
+    _, up = seen_by(1.5, -0.4, 0.3)
+    assert Level().about_up == (None, None)
+    found, within = Level(up).about_up
+    assert found is not None
+    np.testing.assert_allclose(found, up)
+    assert within is None

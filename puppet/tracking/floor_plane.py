@@ -41,7 +41,8 @@ PARALLEL: Final = math.radians(12.0)
 HEIGHTS: Final = (0.15, 8.0)
 #: Square metres of floor that are enough to be sure.
 ENOUGH: Final = 1.5
-#: Metres up and down within which points count as on the floor, that are little enough to be sure.
+#: Metres up and down within which points count as on the floor, for each metre that is seen of it,
+#: that are little enough to be sure.
 SURE: Final = 0.045
 #: Radians between up and the floor's normal: for an up that was measured, for one that was learnt
 #: from people, and for the camera's own, which is a guess.
@@ -146,7 +147,8 @@ def _level_planes(points: _Points, prior: Floats, cosine: float) -> list[FloorPl
         on = free & (np.abs(apart) < tolerance)
         below = float((apart < -3.0 * tolerance).sum()) / max(int(on.sum()), 1)
         free &= np.abs(apart) > 3.0 * tolerance
-        if not len(_level(plane[None], prior, cosine)) or below > MOST_BELOW:
+        lies_level = len(_level(plane[None], prior, cosine)) > 0
+        if not lies_level or on.sum() < 10 or below > MOST_BELOW:
             continue
         measured = _measured(plane, rays[on], apart[on], points, below)
         if measured.share > LEAST_SHARE and measured.area > LEAST_AREA:
@@ -192,13 +194,15 @@ def _measured(
     # Where two planes meet, a third can lie across: then its points are spread over all of the
     # tolerance instead of about the middle of it.
     across = (1.0 / math.sqrt(3.0) - spread / points.tolerance) / (1.0 / math.sqrt(3.0) - 0.45)
-    # How far up and down a point of it can be, and still counts as on it.
-    unsure = points.tolerance * height * height / float(np.median(slant)) if len(slant) else 1.0
+    # How far up and down a point of it can be and still counts as on it, and how far it goes.
+    unsure = points.tolerance * height * height / max(float(np.median(slant)), 0.05)
+    places = rays * (height / slant)[:, None]
+    extents = np.sqrt(12.0 * np.maximum(np.linalg.eigvalsh(np.cov(places.T)), 1e-6))
     confidence = (
         min(1.0, area / ENOUGH)
         * (1.0 - below / MOST_BELOW)
         * min(max(across, 0.0), 1.0)
-        * min(1.0, SURE / unsure)
+        * min(1.0, SURE * float(extents[1]) / unsure)
     )
     share = len(rays) / max(int(points.known.sum()), 1)
     return FloorPlane(normal, height, share, area, spread, confidence)

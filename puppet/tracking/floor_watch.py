@@ -22,10 +22,10 @@ PAUSE: Final = 0.4
 AGREE: Final = 4
 KEPT: Final = 8
 #: Planes agree that differ by so many radians and metres at most.
-TURN: Final = math.radians(2.0)
-LIFT: Final = 0.06
+TURN: Final = math.radians(3.0)
+LIFT: Final = 0.08
 #: A plane counts from this confidence on.
-CONFIDENT: Final = 0.6
+CONFIDENT: Final = 0.5
 
 
 class FloorWatch:
