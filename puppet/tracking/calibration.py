@@ -16,10 +16,10 @@ from puppet.tracking.stage_frame import StageFromCamera, joints_of
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CameraCalibration:
-    """Where a camera stands. width, height: pixels of the images that it holds for. lens: theirs;
-    None if it was not known."""
+    """Where a camera stands; None if that is to be learnt. width, height: pixels of the images that
+    it holds for. lens: theirs; None if it was not known."""
 
-    stage_from_camera: StageFromCamera
+    stage_from_camera: StageFromCamera | None
     width: int
     height: int
     lens: Intrinsics | None = None

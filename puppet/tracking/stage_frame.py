@@ -71,7 +71,8 @@ def mark_of(positions: Floats) -> tuple[float, float, float]:
 
 def joints_of(stance: Stance) -> Floats:
     """(20, 3) metres, the stage frame: the joints of a stance where it was taken."""
-    return np.asarray(Rotation.from_euler("y", stance.heading).apply(stance.joints) + stance.hip)
+    turn = Rotation.from_euler("y", stance.heading)
+    return np.asarray(turn.apply(np.array(stance.joints)) + stance.hip)
 
 
 def at_mark(stance: Stance, x: float, z: float, heading: float) -> Stance:

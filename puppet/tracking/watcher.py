@@ -86,6 +86,15 @@ class Watcher:
         """What was wrong and could be lived with; complete when the moments are over."""
         return (*self.camera.warnings, *filter(None, [self._misfit]))
 
+    def use(self, calibration: CameraCalibration | None) -> None:
+        """Take where the camera stands from a saved calibration, from the first shot on."""
+        self._calibration = calibration
+
+    @property
+    def level(self) -> Level:
+        """What is known of up and the floor; of nothing before the first shot."""
+        return self._level or Level()
+
     @property
     def floor(self) -> str:
         """What tells where the floor is, for people: "depth", "feet", "a saved calibration"."""
