@@ -16,6 +16,7 @@ from puppet.tracking.camera import Image
 from puppet.tracking.duplicates import BODY
 from puppet.tracking.models import PoseModels
 from puppet.tracking.paint_out import covered
+from puppet.tracking.people import MOST_COVERED
 from tests.pose_models import clip_or_skip, models_or_skip
 
 LEFT_SHOULDER, RIGHT_SHOULDER, LEFT_HIP, RIGHT_HIP = 11, 12, 23, 24
@@ -147,7 +148,7 @@ def test_who_is_painted_out_is_not_found_again(pose: BlazePose, image: Image) ->
     assert pose.detect(image, [seen]) == []
     # The landmark network may take the paint itself for a body: that is known by where it lies.
     again = pose.look(image, seen.region, [seen])
-    assert again is None or covered(again.pixels[BODY], [(seen.pixels, seen.extent)]) > 0.9
+    assert again is None or covered(again.pixels[BODY], [(seen.pixels, seen.extent)]) > MOST_COVERED
     np.testing.assert_array_equal(image, before)
 
 

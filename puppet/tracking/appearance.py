@@ -58,9 +58,16 @@ def colours(image: Image, landmarks: Landmarks) -> Floats:
 def difference(one: Floats, other: Floats) -> float:
     """How unlike two appearances are, CIE76 ΔE on average over the parts that both show; the same
     clothes have under 8 as a rule, different ones over 20. NaN if nothing can be compared."""
-    steps = np.linalg.norm((one - other) * _WEIGHTS, axis=1)
+    steps = np.linalg.norm((one - other) * _WEIGHTS, axis=-1).reshape(-1)
     seen = steps[np.isfinite(steps)]
     return float(np.sqrt(np.mean(seen**2))) if len(seen) else float("nan")
+
+
+def light(image: Image) -> Floats:
+    """(3,): the mean colour of the image, CIE L*a*b*, of a pixel in some hundred."""
+    every = max(1, min(image.shape[:2]) // 40)
+    some = np.ascontiguousarray(image[::every, ::every]).astype(np.float32) / np.float32(255.0)
+    return np.asarray(cv2.cvtColor(some, cv2.COLOR_BGR2LAB).mean(axis=(0, 1)), float)
 
 
 def inside(points: Floats, height: int, width: int) -> NDArray[np.intp]:

@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 
 from puppet.kernel import Floats
-from puppet.tracking.appearance import colours, difference, inside, torso_points
+from puppet.tracking.appearance import colours, difference, inside, light, torso_points
 from puppet.tracking.blazepose import Landmarks
 from puppet.tracking.camera import Shot
 from puppet.tracking.intrinsics import Intrinsics
@@ -33,17 +33,20 @@ LEAST_DEPTH: Final = 0.25
 ACROSS, ACROSS_GROWTH, ACROSS_LIMIT = 0.10, 0.8, 4.0
 ALONG, ALONG_MEASURED, ALONG_GROWTH, ALONG_LIMIT = 0.10, 0.05, 0.3, 1.0
 #: How much colours (ΔE) and measured size (share) of one performer vary.
-COLOURS: Final = 6.0
+COLOURS: Final = 5.0
 SIZE: Final = 0.1
 #: A misfit beyond this is another person; beyond the next when they were out of sight, where the
 #: network must be rather sure, too. Squares of standard deviations, as all misfits are.
 GATE: Final = 12.0
 FOUND_GATE: Final = 8.0
 FOUND_SCORE: Final = 0.8
-#: Stage lights change: while somebody is followed, not out of sight for so long (s), and seen well,
-#: colours alone do not make them another.
+#: Stage lights change, and people walk from one light into another: while somebody is followed, not
+#: out of sight for so long (s), and seen well, colours alone do not make them another, ...
 COLOURS_ALONE: Final = 8.0
 FOLLOWED: Final = 0.07
+#: ... unless they change by so much (ΔE) from one shot to the next, and the whole image does not.
+ABRUPT: Final = 9.0
+LIGHT: Final = 3.0
 #: Half-lives, s: of the measured velocity, of its going on unseen, of what is learnt.
 VELOCITY, COASTING, LEARNING = 0.08, 0.3, 1.0
 #: Half-life of the trust, s. One who is seen well has more than 0.99.
@@ -61,6 +64,7 @@ class Sighting:
     distance: metres along the lens's axis; measured: by depth, not guessed from the size.
     size: how many times as large as the network takes everybody for; NaN without depth.
     colours: (3, 3), see `appearance.colours`. score: the network's, in 0..1.
+    light: (3,) the mean colour of the whole image, CIE L*a*b*.
     """
 
     time: float
@@ -69,7 +73,8 @@ class Sighting:
     measured: bool
     size: float
     colours: Floats
-    score: float = 1.0
+    score: float
+    light: Floats
 
     @property
     def position(self) -> Floats:
@@ -110,7 +115,16 @@ def sight(landmarks: Landmarks, shot: Shot) -> Sighting | None:
         return None
     ray = lens.rays(pixels[[23, 24]].mean(axis=0)[None])[0]
     clothes = colours(shot.colour, landmarks)
-    return Sighting(shot.time, ray, distance, math.isfinite(depth), size, clothes, landmarks.score)
+    return Sighting(
+        shot.time,
+        ray,
+        distance,
+        math.isfinite(depth),
+        size,
+        clothes,
+        landmarks.score,
+        light(shot.colour),
+    )
 
 
 def _torso_depth(landmarks: Landmarks, shot: Shot) -> float:
@@ -174,8 +188,7 @@ class Identity:
         clothes = difference(self._colours, sighting.colours)
         if math.isfinite(clothes):
             unlike = (clothes / COLOURS) ** 2
-            followed = age < FOLLOWED and not self.doubtful
-            misfit += min(unlike, COLOURS_ALONE) if followed else unlike
+            misfit += min(unlike, COLOURS_ALONE) if self._goes_on(sighting, age) else unlike
         if math.isfinite(self._size) and math.isfinite(sighting.size):
             misfit += (math.log(sighting.size / self._size) / SIZE) ** 2
         return misfit
@@ -209,6 +222,13 @@ class Identity:
         self._last = sighting
         if not self.doubtful:
             self._sure = sighting.time
+
+    def _goes_on(self, sighting: Sighting, age: float) -> bool:
+        """Whether the sighting follows the last one so closely that colours matter less."""
+        if age >= FOLLOWED or self.doubtful:
+            return False
+        changed = difference(self._last.colours, sighting.colours)
+        return not changed > ABRUPT or difference(self._last.light, sighting.light) > LIGHT
 
     def _learn_looks(self, sighting: Sighting, keep: float, crowded: bool) -> None:
         if not crowded or difference(self._colours, sighting.colours) < FOREIGN:
