@@ -6,7 +6,6 @@ half second of capture time: what a crash can lose is bounded by that.
 
 from __future__ import annotations
 
-import contextlib
 import json
 import struct
 from collections.abc import Iterable, Iterator
@@ -24,6 +23,8 @@ from mcap.writer import CompressionType, Writer
 from puppet import __version__
 from puppet.errors import BadFileError
 from puppet.skeleton import JOINT_COUNT, JOINT_NAMES, Moment, SkeletonFrame, nobody
+from puppet.tracking.raw_format import METADATA_NAME as RAW_METADATA
+from puppet.tracking.raw_format import metadata_of
 from puppet.tracking.source import SourceInfo
 
 FORMAT_VERSION: Final = 1
@@ -251,7 +252,6 @@ def read_take(path: Path) -> Take:
                     found=f"a file that begins with {magic!r}",
                     hint="`puppet import` turns Kinect and BVH recordings into takes",
                 )
-            file.seek(0)
             return _read(path, file)
     except OSError as error:
         raise BadFileError(
@@ -260,11 +260,13 @@ def read_take(path: Path) -> Take:
 
 
 def _read(path: Path, file: BinaryIO) -> Take:
+    # Metadata comes before the frames, so it is there even when the end is not.
+    metadata = _metadata_in(path, file)
+    file.seek(0)
     reader = NonSeekingReader(file, record_size_limit=RECORD_LIMIT, validate_crcs=True)
     decoder = msgspec.json.Decoder(_Message)
     frames: list[SkeletonFrame] = []
     warnings: list[str] = []
-    metadata: dict[str, str] | None = None
     try:
         for _, channel, message in reader.iter_messages(log_time_order=False):
             if channel.topic == TOPIC:
@@ -276,27 +278,27 @@ def _read(path: Path, file: BinaryIO) -> Take:
             f"{path.name} is cut off or damaged ({error or type(error).__name__}); "
             f"its first {len(frames)} frames are used"
         )
-    # Metadata comes before the frames, so it is there even when the end is not.
-    with contextlib.suppress(McapError, struct.error, EOFError, ValueError, _ZSTD_ERROR):
-        file.seek(0)
-        again = NonSeekingReader(file, record_size_limit=RECORD_LIMIT)
-        for record in again.iter_metadata():
-            if record.name == METADATA_NAME:
-                metadata = record.metadata
-                break
-    if metadata is None:
-        raise BadFileError(
-            "this MCAP file is not a take",
-            where=path,
-            expected=f"a metadata record named {METADATA_NAME}",
-            found="none",
-            hint="`puppet record` and `puppet import` write takes",
-        )
     try:
         moments = tuple(moments_of(frames))
     except ValueError as error:
         raise BadFileError("the take contradicts itself", where=path, found=str(error)) from None
     return Take(_info(path, metadata), moments, tuple(warnings))
+
+
+def _metadata_in(path: Path, file: BinaryIO) -> dict[str, str]:
+    records = metadata_of(file, METADATA_NAME, RAW_METADATA)
+    if METADATA_NAME in records:
+        return records[METADATA_NAME]
+    raw = RAW_METADATA in records
+    raise BadFileError(
+        "this is a raw recording, not a take" if raw else "this MCAP file is not a take",
+        where=path,
+        expected=f"a metadata record named {METADATA_NAME}",
+        found=RAW_METADATA if raw else ", ".join(sorted(records)) or "none",
+        hint="it has pictures and no skeletons; `puppet record --source` makes a take of it"
+        if raw
+        else "`puppet record` and `puppet import` write takes",
+    )
 
 
 def _frame(decoder: msgspec.json.Decoder[_Message], data: bytes, where: str) -> SkeletonFrame:
