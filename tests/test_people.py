@@ -47,8 +47,14 @@ class FigurePose:
         self.searches = 0
 
     def look(
-        self, _image: Image, region: Region, without: Sequence[Landmarks] = ()
+        self,
+        _image: Image,
+        region: Region,
+        without: Sequence[Landmarks] = (),
+        *,
+        twice: bool = False,
     ) -> Landmarks | None:
+        del twice  # figures are seen as well at once
         there = [one for one in self.figures if _in_image(one) and not _painted(one, without)]
         if not there:
             return None
