@@ -49,10 +49,13 @@ class TrackingConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """How people are looked for in pictures. Takes and the rehearsal have been through that.
 
     performers: how many are followed at most, 1 to 4. seated: only the upper body counts.
+    second_look: whoever is alone is looked at twice, also in the mirror: steadier and more often
+        right, at the cost of a second core.
     """
 
     performers: int = 4
     seated: bool = False
+    second_look: bool = True
 
 
 class SourceConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):

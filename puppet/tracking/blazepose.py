@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import cache
 from typing import Any, Final
@@ -41,9 +42,21 @@ LANDMARK_SIDE: Final = 256
 PRESENCE_SCORE: Final = 0.5
 #: The region is larger than the circle about the body by this factor.
 REGION_MARGIN: Final = 1.25
+#: Metres by which the two looks of `BlazePose.look(twice=True)` may differ, on average.
+DISAGREEMENT: Final = 0.4
 HEATMAP_WINDOW: Final = 7
 HEATMAP_SCORE: Final = 0.5
 
+
+def _exchange() -> list[int]:
+    order = list(range(LANDMARK_COUNT))
+    for left, right in ((1, 4), (2, 5), (3, 6), *((i, i + 1) for i in range(7, 33, 2))):
+        order[left], order[right] = right, left
+    return order
+
+
+#: The landmark on the other side of the body, for each.
+EXCHANGED: Final = _exchange()
 Singles = NDArray[np.float32]
 
 
@@ -103,22 +116,67 @@ class Landmarks:
         return (self.following or self.region).side
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class _Seen:
+    """points: (39, 2) in 0..1 of the region's side. world: (33, 3) metres, upright in the region.
+    chances: (33, 2) visibility and presence."""
+
+    points: Floats
+    world: Floats
+    chances: Floats
+    score: float
+
+    def mirrored(self) -> _Seen:
+        """What would have been seen in the mirror image."""
+        points = self.points.copy()
+        points[:LANDMARK_COUNT] = points[EXCHANGED]
+        points[:, 0] = 1.0 - points[:, 0]
+        world = self.world[EXCHANGED] * (-1.0, 1.0, 1.0)
+        return _Seen(points, world, self.chances[EXCHANGED], self.score)
+
+
 class BlazePose:
     """Finds people in images. It remembers nothing, and may be asked from several threads."""
 
     def __init__(self, models: PoseModels) -> None:
         self._detector = _session(models.detector)
         self._landmarker = _session(models.landmarks)
+        self._mirrors = ThreadPoolExecutor(1, "mirrored")
 
     def look(
-        self, image: Image, region: Region, without: Sequence[Landmarks] = ()
+        self,
+        image: Image,
+        region: Region,
+        without: Sequence[Landmarks] = (),
+        *,
+        twice: bool = False,
     ) -> Landmarks | None:
         """The person in that region of `image`, (H, W, 3), BGR; None if there is nobody.
 
-        without: people who are painted out first.
+        without: people who are painted out first. twice: look at the mirror image as well, on
+        another core at the same time; what the two agree on trembles less and is more often right.
         """
         image_from_region = region.image_from_region()
         crop = _crop(image, image_from_region, without)
+        other = self._mirrors.submit(self._see, _mirrored(crop)) if twice else None
+        seen = self._see(crop)
+        if other is not None:
+            seen = _agreed(seen, other.result())
+        if seen is None:
+            return None
+        pixels = (seen.points - 0.5) @ image_from_region[:, :2].T + image_from_region[:, 2]
+        centre, edge = pixels[[REGION_CENTRE, REGION_EDGE]]
+        following = Region.around(centre, edge) if math.dist(centre, edge) > 1.0 else None
+        # The world landmarks are upright in the region, too: they turn back with it.
+        metres = seen.world.copy()
+        metres[:, :2] = metres[:, :2] @ (image_from_region[:, :2] / region.side).T
+        visibility, presence = seen.chances.T
+        return Landmarks(
+            pixels[:LANDMARK_COUNT], metres, visibility, presence, seen.score, region, following
+        )
+
+    def _see(self, crop: Singles) -> _Seen | None:
+        """What the landmark network says of a crop."""
         names = ["landmarks", "score", "heatmap", "world"]
         points, score, heatmap, world = self._landmarker.run(names, {"input_1": crop})
         # `not >`: a network that gives NaN has found nobody either.
@@ -126,23 +184,13 @@ class BlazePose:
             return None
         # x, y, z in pixels of the crop, logit of visibility, logit of presence
         points = points.reshape(POINT_COUNT, 5).astype(float)
-        visibility, presence = _sigmoid(points[:LANDMARK_COUNT, 3:]).T
         inside = points[:, :2] / LANDMARK_SIDE
         _refine(inside, heatmap[0])
-        pixels = (inside - 0.5) @ image_from_region[:, :2].T + image_from_region[:, 2]
-        centre, edge = pixels[[REGION_CENTRE, REGION_EDGE]]
-        following = Region.around(centre, edge) if math.dist(centre, edge) > 1.0 else None
-        # The world landmarks are upright in the region, too: they turn back with it.
-        metres = world.reshape(POINT_COUNT, 3)[:LANDMARK_COUNT].astype(float)
-        metres[:, :2] = metres[:, :2] @ (image_from_region[:, :2] / region.side).T
-        return Landmarks(
-            pixels[:LANDMARK_COUNT],
-            metres,
-            visibility,
-            presence,
+        return _Seen(
+            inside,
+            world.reshape(POINT_COUNT, 3)[:LANDMARK_COUNT].astype(float),
+            _sigmoid(points[:LANDMARK_COUNT, 3:]),
             float(score[0, 0]),
-            region,
-            following,
         )
 
     def detect(
@@ -184,6 +232,26 @@ class BlazePose:
             if math.dist(centre, edge) > 1.0:
                 regions.append(Region.around(centre, edge))
         return sorted(regions, key=lambda region: -region.side)
+
+
+def _mirrored(crop: Singles) -> Singles:
+    return np.ascontiguousarray(crop[:, :, ::-1])
+
+
+def _agreed(seen: _Seen | None, other: _Seen | None) -> _Seen | None:
+    """The mean of what was seen and what was seen in the mirror, where they mean the same body."""
+    if seen is None or other is None:
+        return seen
+    other = other.mirrored()
+    apart = float(np.linalg.norm(other.world - seen.world, axis=1).mean())
+    if apart > DISAGREEMENT:
+        return seen  # front and back exchanged, most likely: there is no body in between
+    return _Seen(
+        0.5 * (seen.points + other.points),
+        0.5 * (seen.world + other.world),
+        0.5 * (seen.chances + other.chances),
+        seen.score,
+    )
 
 
 def _session(path: Any) -> Any:

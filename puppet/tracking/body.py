@@ -1,6 +1,7 @@
 """One performer in one camera: from landmarks, frame after frame, to joints and their states.
 
-landmarks ──▶ sides (front or back?) ──▶ lift (metres)
+landmarks ──▶ sides, limb swaps (whose is what?) ──▶ lift (metres) ──▶ states (known how well?)
+          ──▶ leaps (possible?) ──▶ bone lengths (the same body as before) ──▶ seated
 """
 
 from __future__ import annotations
@@ -10,19 +11,29 @@ from numpy.typing import NDArray
 
 from puppet.kernel import Floats
 from puppet.tracking.blazepose import Landmarks
+from puppet.tracking.bone_lengths import BoneLengths
 from puppet.tracking.camera import Shot
 from puppet.tracking.intrinsics import Intrinsics
+from puppet.tracking.joint_states import JointStates
+from puppet.tracking.leaps import Leaps
 from puppet.tracking.lift import Lift
+from puppet.tracking.limb_swaps import LimbSwaps
+from puppet.tracking.seated import seated
 from puppet.tracking.sides import LookAgain, Sides
 
 
 class Body:
     """The memory of one performer's body."""
 
-    def __init__(self) -> None:
+    def __init__(self, seated: bool = False) -> None:
+        """seated: only the upper body counts."""
+        self._seated = seated
         self._sides = Sides()
-        self._lift: Lift | None = None
-        self._lens: tuple[Intrinsics, int, int] | None = None
+        self._swaps = LimbSwaps()
+        self._lift = Lift()
+        self._states = JointStates()
+        self._leaps = Leaps()
+        self._lengths = BoneLengths()
 
     def joints(
         self, landmarks: Landmarks, shot: Shot, look_again: LookAgain
@@ -34,8 +45,21 @@ class Body:
         """
         height, width = shot.colour.shape[:2]
         lens = shot.intrinsics or Intrinsics.assumed(width, height)
-        if self._lift is None or self._lens != (lens, width, height):
-            self._lens = (lens, width, height)
-            self._lift = Lift(lens, width, height)
         seen = self._sides.keep(landmarks, shot.time, look_again)
-        return self._lift.joints(seen, shot.time)
+        seen = self._swaps.undone(seen, shot.time)
+        lifted = self._lift(seen, shot, lens)
+        states = self._states(seen, lifted.hidden, (width, height), shot.time)
+        positions, states = self._leaps.held_back(lifted.positions, states, shot.time)
+        positions = self._lengths(positions, states, shot.time, self._lift.size)
+        if self._seated:
+            lengths = self._lengths.lengths * self._lift.size
+            positions, states = seated(positions, states, _up(shot), lengths)
+        return positions, states
+
+
+def _up(shot: Shot) -> Floats:
+    """The direction of up in the camera's axes; that of the image if nothing better is known."""
+    if shot.up is None:
+        return np.array([0.0, 1.0, 0.0])
+    up = shot.up * (1.0, -1.0, -1.0)
+    return np.asarray(up / max(float(np.linalg.norm(up)), 1e-9))

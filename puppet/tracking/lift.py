@@ -7,20 +7,22 @@ seen is then moved onto its line of sight, and what is not keeps the shape that 
 
 from __future__ import annotations
 
-from typing import Any, Final
+import math
+from dataclasses import dataclass
+
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from puppet.kernel import Floats, frozen
-from puppet.skeleton import JOINT_COUNT, Joint, TrackingState
+from puppet.rotation import rotate, swing
+from puppet.skeleton import JOINT_COUNT, Joint
 from puppet.tracking.blazepose import LANDMARK_COUNT, Landmarks
+from puppet.tracking.camera import Shot
+from puppet.tracking.depth_probe import depths_at
 from puppet.tracking.intrinsics import Intrinsics
 
-#: Visibility is optimistic, so a landmark is called tracked late, and inferred again early.
-SEEN, UNSEEN = 0.8, 0.6
-#: The same for being there at all: below it the network only guesses.
-THERE, GONE = 0.4, 0.2
 #: Visibility from which, and up to which, a landmark moves over to its line of sight.
 SIGHT_BEGINS, SIGHT_WHOLE = 0.3, 0.7
 #: Nobody is nearer to the lens than this, metres.
@@ -28,7 +30,23 @@ NEAREST: Final = 0.2
 #: How far away a body is, is the one thing that a single image tells badly: its half-life, s.
 DISTANCE_HALF_LIFE: Final = 0.08
 
-_NOSE, _EARS = 0, (7, 8)
+#: Visibility from which depth is looked up at a landmark.
+VISIBLE: Final = 0.5
+#: Metres by which depth may differ from the body's shape to correct it, how far it is believed
+#: then, and how much nearer it is when something stands before the landmark.
+FITS: Final = 0.25
+BELIEF: Final = 0.7
+HIDDEN: Final = 0.35
+#: How many times smaller or larger than the network's idea of a person somebody can be.
+SMALLEST, LARGEST = 0.4, 1.7
+#: Seconds over which a performer's size is averaged.
+SIZE_MEMORY: Final = 3.0
+
+_AHEAD: Final = frozen([0.0, 0.0, 1.0])
+#: Half-life of the body's shape along the line of sight, s.
+SHAPE_HALF_LIFE: Final = 0.03
+
+_EARS = (7, 8)
 _HIPS, _SHOULDERS = (23, 24), (11, 12)
 
 
@@ -46,7 +64,7 @@ def _trunk(t: float) -> dict[int, float]:
 
 
 #: Every joint as a weighted mean of landmarks, and which landmarks it depends on.
-_WEIGHTS, _DEPENDS = _mix(
+_WEIGHTS, DEPENDS = _mix(
     hip_center=_trunk(0.12),
     spine=_trunk(0.30),
     shoulder_center=_trunk(1.10),
@@ -70,53 +88,108 @@ _WEIGHTS, _DEPENDS = _mix(
 )
 
 
+def joints_of(landmarks: Floats) -> Floats:
+    """(33, 3) landmarks -> (20, 3) joints, in the same axes."""
+    return np.asarray(_WEIGHTS @ landmarks)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Lifted:
+    """positions: (20, 3) metres from the lens; x to the right in the image, y up in it, z from the
+    scene to the camera. hidden: (33,) landmarks before which something stands, as depth says."""
+
+    positions: Floats
+    hidden: NDArray[np.bool_]
+
+
 class Lift:
-    """Lifts the landmarks of one performer, frame after frame, in images of one size."""
+    """Lifts the landmarks of one performer, frame after frame."""
 
-    def __init__(self, intrinsics: Intrinsics, width: int, height: int) -> None:
-        self.intrinsics = intrinsics
-        self._size = (width, height)
-        self.reset()
-
-    def reset(self) -> None:
-        """Forget what was seen of the landmarks before."""
-        self._seen = np.zeros(LANDMARK_COUNT, bool)
-        self._there = np.zeros(LANDMARK_COUNT, bool)
+    def __init__(self) -> None:
         self._distance: float | None = None
         self._time = 0.0
+        self._deep: Floats | None = None
+        #: How many times larger the performer is than the network takes them for; 1 until depth
+        #: has said something. It is theirs, and stays when depth is gone.
+        self.size = 1.0
+        self._sized = 0.0
 
-    def joints(self, landmarks: Landmarks, time: float) -> tuple[Floats, NDArray[np.uint8]]:
-        """Positions (20, 3), metres from the lens, and states (20,). time: capture time, s.
+    def __call__(self, landmarks: Landmarks, shot: Shot, lens: Intrinsics) -> Lifted:
+        """One performer's joints in a shot, through that lens."""
+        rays = lens.rays(landmarks.pixels)
+        height, width = shot.colour.shape[:2]
+        inside = (landmarks.pixels >= -0.5) & (landmarks.pixels <= (width - 0.5, height - 0.5))
+        visibility = np.where(inside.all(axis=1), landmarks.visibility, 0.0)
+        world = facing_sight(landmarks.world, lens.rays(landmarks.region.centre[None])[0])
+        world[:, 2] = self._steadied(world[:, 2], shot.time)
+        distance = distance_of(world, rays, visibility)
+        measured = None
+        if shot.depth is not None:
+            measured = depths_at(shot.depth, shot.colour, landmarks.pixels, landmarks.region.side)
+            away = self._measure(measured, world[:, 2], distance, visibility, shot.time)
+            if away is None:
+                measured = None  # it fits nobody of any size: as if there were none
+            else:
+                distance = away / self.size
+        distance = self._smoothed(distance * self.size, shot.time)
+        body = world * self.size
+        hidden = np.zeros(LANDMARK_COUNT, bool)
+        if measured is not None:
+            off = measured - (body[:, 2] + distance)
+            hidden = np.nan_to_num(off, nan=0.0) < -HIDDEN
+            near = (np.abs(np.nan_to_num(off, nan=9.0)) < FITS) & (visibility > VISIBLE)
+            body[near, 2] += BELIEF * off[near]
+            visibility = np.where(hidden, 0.0, visibility)
+        points = joints_of(lifted(body, rays, visibility, distance))
+        return Lifted(points * (1.0, -1.0, -1.0), hidden)
 
-        Axes: x to the right in the image, y up in the image, z from the scene to the camera.
+    def _measure(
+        self, measured: Floats, z: Floats, distance: float, visibility: Floats, time: float
+    ) -> float | None:
+        """Metres to the hips as the trunk's depth says, and learn the performer's size from it.
+
+        None if depth does not tell, or says what cannot be.
         """
-        pixels = landmarks.pixels
-        inside = ((pixels >= -0.5) & (pixels <= np.array(self._size) - 0.5)).all(axis=1)
-        visibility = np.where(inside, landmarks.visibility, 0.0)
-        rays = self.intrinsics.rays(pixels)
-        distance = distance_of(landmarks.world, rays, visibility)
+        trunk = [*_HIPS, *_SHOULDERS]
+        known = [i for i in trunk if visibility[i] > VISIBLE and np.isfinite(measured[i])]
+        if len(known) < 2:
+            return None
+        # What is seen under the same angle is as much larger as it is farther away.
+        ratio = float(np.median(measured[known] / (z[known] + distance)))
+        if not SMALLEST <= ratio <= LARGEST:
+            return None
+        if self._sized <= 0.0:
+            self.size = ratio
+        self._sized += min(max(time - self._time, 1.0 / 60.0), 0.1)
+        # The mean of all that was seen at first; later, of the last while.
+        share = 1.0 / 60.0 / min(self._sized, SIZE_MEMORY)
+        self.size += min(share, 1.0) * (ratio - self.size)
+        return float(np.median(measured[known] - self.size * z[known]))
+
+    def _steadied(self, deep: Floats, time: float) -> Floats:
+        """How far along the line of sight landmarks are is a guess, and trembles as such."""
+        if self._deep is not None:
+            keep = 0.5 ** (max(time - self._time, 0.0) / SHAPE_HALF_LIFE)
+            deep = deep + keep * (self._deep - deep)
+        self._deep = deep
+        return deep
+
+    def _smoothed(self, distance: float, time: float) -> float:
         if self._distance is not None:
             keep = 0.5 ** (max(time - self._time, 0.0) / DISTANCE_HALF_LIFE)
             distance += keep * (self._distance - distance)
         self._distance, self._time = distance, time
-        positions = _WEIGHTS @ lifted(landmarks.world, rays, visibility, distance)
-        return positions * (1.0, -1.0, -1.0), self._states(visibility, landmarks.presence)
+        return distance
 
-    def _states(self, visibility: Floats, presence: Floats) -> NDArray[np.uint8]:
-        self._seen = visibility > np.where(self._seen, UNSEEN, SEEN)
-        self._there = presence > np.where(self._there, GONE, THERE)
-        landmark_states = np.where(
-            self._there,
-            np.where(self._seen, TrackingState.TRACKED, TrackingState.INFERRED),
-            TrackingState.NOT_TRACKED,
-        )
-        # A joint is known as well as the worst landmark that it depends on ...
-        states: NDArray[Any] = np.where(_DEPENDS, landmark_states, int(TrackingState.TRACKED)).min(
-            axis=1
-        )
-        # ... but from the side one ear is hidden, and the head is seen all the same.
-        states[Joint.HEAD] = landmark_states[[_NOSE, *_EARS]].max()
-        return states.astype(np.uint8)
+
+def facing_sight(world: Floats, sight: Floats) -> Floats:
+    """(33, 3) metres: the body as the camera sees it, not as the network's region does.
+
+    The network sees the region from straight ahead. Where that lies off the lens's axis, the line
+    of sight to it is what the network took for the axis. sight: (2,), the ray to its middle.
+    """
+    turn = swing(_AHEAD, np.array([sight[0], sight[1], 1.0]) / math.hypot(*sight, 1.0))
+    return np.asarray(world @ np.stack([rotate(turn, axis) for axis in np.eye(3)]))
 
 
 def distance_of(world: Floats, rays: Floats, visibility: Floats) -> float:

@@ -53,13 +53,15 @@ class People:
     The same shots give the same performers: it knows no clock but the shots' own.
     """
 
-    def __init__(self, models: PoseModels, most: int = MOST) -> None:
-        """most: performers who are followed at once.
+    def __init__(self, models: PoseModels, most: int = MOST, *, second_look: bool = True) -> None:
+        """most: performers who are followed at once. second_look: whoever is alone is looked at
+        twice, also in the mirror, on a second core.
 
         Raises UnavailableError for models that cannot be loaded.
         """
         self._pose = BlazePose(models)
         self._most = most
+        self._second_look = second_look
         self._threads = ThreadPoolExecutor(THREADS, "landmarks")
         self.reset()
 
@@ -223,8 +225,11 @@ class People:
     ) -> list[Body | None]:
         """What is in each of the regions, with those people painted out."""
 
+        # Whoever is alone gets the second core as well.
+        twice = self._second_look and len(regions) == 1 == len(self._roster.followed)
+
         def look(region: Region, others: Sequence[Landmarks]) -> Body | None:
-            landmarks = self._pose.look(shot.colour, region, others)
+            landmarks = self._pose.look(shot.colour, region, others, twice=twice)
             if landmarks is None:
                 return None
             painted = [(one.pixels, one.extent) for one in others]

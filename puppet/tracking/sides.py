@@ -16,7 +16,7 @@ from typing import Final
 import numpy as np
 
 from puppet.kernel import Floats
-from puppet.tracking.blazepose import LANDMARK_COUNT, Landmarks
+from puppet.tracking.blazepose import EXCHANGED, Landmarks
 
 #: Shoulders, elbows, wrists, hips, knees, ankles.
 _LEFT: Final = [11, 13, 15, 23, 25, 27]
@@ -42,24 +42,14 @@ CONVINCED: Final = 0.8
 LookAgain = Callable[[float], Landmarks | None]
 
 
-def _exchange() -> list[int]:
-    order = list(range(LANDMARK_COUNT))
-    for left, right in ((1, 4), (2, 5), (3, 6), *((i, i + 1) for i in range(7, 33, 2))):
-        order[left], order[right] = right, left
-    return order
-
-
-_EXCHANGED: Final = _exchange()
-
-
 def reversed_in_depth(landmarks: Landmarks) -> Landmarks:
     """The other reading of the same outline: sides exchanged, depth reflected at the hips."""
     return replace(
         landmarks,
-        pixels=landmarks.pixels[_EXCHANGED],
-        world=landmarks.world[_EXCHANGED] * (1.0, 1.0, -1.0),
-        visibility=landmarks.visibility[_EXCHANGED],
-        presence=landmarks.presence[_EXCHANGED],
+        pixels=landmarks.pixels[EXCHANGED],
+        world=landmarks.world[EXCHANGED] * (1.0, 1.0, -1.0),
+        visibility=landmarks.visibility[EXCHANGED],
+        presence=landmarks.presence[EXCHANGED],
     )
 
 

@@ -68,7 +68,9 @@ class Watcher:
             licence=about.licence,
         )
         try:
-            self._people = People(models, self._tracking.performers)
+            self._people = People(
+                models, self._tracking.performers, second_look=self._tracking.second_look
+            )
         except UnavailableError:
             camera.close()
             raise
@@ -165,7 +167,9 @@ class Watcher:
     def _remember(self) -> None:
         """A body is learnt as long as its performer is known, hidden for a moment or not."""
         known = self._people.known
-        self._bodies = {number: self._bodies.get(number) or Body() for number in known}
+        self._bodies = {
+            number: self._bodies.get(number) or Body(self._tracking.seated) for number in known
+        }
         for event in self._people.events:
             self._events[event.kind] += 1
 
