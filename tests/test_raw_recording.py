@@ -405,19 +405,23 @@ def test_another_camera_s_calibration_is_refused_where_it_cannot_be_right(tmp_pa
     path = write(tmp_path / "a.raw.mcap", some_shots(3))
     with pytest.raises(BadFileError, match=r"another camera(.|\n)*96×64(.|\n)*64×48"):
         RawRecording(changed(path, replaced("/calibration", lens[0])))
-    for impossible in (Intrinsics(0.0, 70.0, 48.0, 32.0), Intrinsics(70.0, 70.0, 300.0, 32.0)):
+    for impossible in (
+        Intrinsics(0.0, 70.0, 48.0, 32.0),
+        Intrinsics(70.0, 70.0, 300.0, 32.0),
+        Intrinsics(1681.0, 1681.0, 47.5, 31.5),
+    ):
         shots = (replace(shot, intrinsics=impossible) for shot in some_shots(3))
         with pytest.raises(BadFileError, match="shot 0: the calibration"):
             RawRecording(write(tmp_path / "b.raw.mcap", shots))
 
 
 def test_a_doubtful_calibration_is_a_warning_once(tmp_path: Path) -> None:
-    doubtful = Intrinsics(1681.0, 1681.0, 47.5, 31.5)
+    doubtful = Intrinsics(360.0, 360.0, 47.5, 31.5)
     shots = [replace(shot, intrinsics=doubtful) for shot in some_shots(5)]
     recording = RawRecording(write(tmp_path / "a.raw.mcap", shots))
     assert [shot.intrinsics for shot in recording] == [doubtful] * 5
     (warning,) = recording.warnings
-    assert "the lens sees 3°" in warning
+    assert "the lens sees 15°" in warning
     assert "another camera" in warning
 
 

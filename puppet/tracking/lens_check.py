@@ -9,6 +9,8 @@ from puppet.tracking.intrinsics import Intrinsics
 
 #: Degrees along the longer side that cameras for people have; a webcam has 60, an OAK-D W 127.
 ANGLES: Final = (20.0, 150.0)
+#: And those that no lens without distortion has, through which people can be seen.
+POSSIBLE_ANGLES: Final = (5.0, 160.0)
 #: How far off the middle of the image a lens's axis may be, as a part of the image's side.
 OFF_MIDDLE: Final = 0.15
 #: Pixels are square; focal lengths differ by no more than this part.
@@ -27,13 +29,15 @@ def lens_error(lens: Intrinsics, width: int, height: int) -> str:
             f"its axis meets the image at ({lens.centre_x:.0f}, {lens.centre_y:.0f}), outside of "
             f"{width}×{height} pixels"
         )
+    angle = _angle(lens, width, height)
+    if not POSSIBLE_ANGLES[0] <= angle <= POSSIBLE_ANGLES[1]:
+        return f"it sees {angle:.1f}° along the longer side"
     return ""
 
 
 def lens_doubt(lens: Intrinsics, width: int, height: int) -> str:
     """What is odd about a lens that is possible (see `lens_error`); empty if nothing is."""
-    focal = lens.focal_x if width >= height else lens.focal_y
-    angle = math.degrees(2.0 * math.atan(0.5 * max(width, height) / focal))
+    angle = _angle(lens, width, height)
     if not ANGLES[0] <= angle <= ANGLES[1]:
         return f"the lens sees {angle:.0f}° along the longer side"
     off_x = abs(lens.centre_x - 0.5 * (width - 1)) / width
@@ -46,3 +50,9 @@ def lens_doubt(lens: Intrinsics, width: int, height: int) -> str:
     if abs(lens.focal_x / lens.focal_y - 1.0) > OFF_SQUARE:
         return f"the lens has focal lengths of {lens.focal_x:.0f} and {lens.focal_y:.0f} pixels"
     return ""
+
+
+def _angle(lens: Intrinsics, width: int, height: int) -> float:
+    """Degrees along the longer side."""
+    focal = lens.focal_x if width >= height else lens.focal_y
+    return math.degrees(2.0 * math.atan(0.5 * max(width, height) / focal))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 import time
 from collections.abc import Iterator
 from typing import Any, Final
@@ -10,11 +11,16 @@ import cv2
 
 from puppet.errors import UnavailableError
 from puppet.tracking.camera import CameraInfo, Shot
-from puppet.tracking.video_file import nominal_rate
+from puppet.tracking.webcam_refusal import Refusal, refusal
+
+# OpenCV writes to stderr what is told here in an error of our own.
+cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
 
 #: What a webcam is asked for; it may do something else.
 WEBCAM_SIZE: Final = (1280, 720)
 WEBCAM_RATE: Final = 30.0
+#: Rates outside of this are nonsense that some drivers give.
+RATES: Final = (1.0, 1000.0)
 
 
 class Webcam:
@@ -26,6 +32,8 @@ class Webcam:
     def __init__(self, index: int) -> None:
         """Raises UnavailableError for a webcam that is not there, or that somebody else uses."""
         self._capture, rate = _open(index)
+        self._using = threading.Lock()
+        self._over = threading.Event()
         self.info: Final = CameraInfo(f"webcam:{index}", "webcam", rate, live=True)
         self.warnings: tuple[str, ...] = ()
         self.trouble = ""
@@ -35,17 +43,29 @@ class Webcam:
 
     def __iter__(self) -> Iterator[Shot]:
         sequence = 0
-        while self._capture.grab():
-            now = time.monotonic()
-            decoded, image = self._capture.retrieve()
-            if not decoded:
-                break
-            yield Shot(now, sequence, image)
+        while (shot := self._next(sequence)) is not None:
+            yield shot
             sequence += 1
+        self.close()
 
     def close(self) -> None:
-        """Let go of the device. May be called twice."""
-        self._capture.release()
+        """Let go of the device. May be called twice, and from another thread.
+
+        While an image is waited for, it is let go of when that comes or fails to come.
+        """
+        self._over.set()
+        if self._using.acquire(blocking=False):
+            self._capture.release()
+            self._using.release()
+
+    def _next(self, sequence: int) -> Shot | None:
+        with self._using:
+            if not self._over.is_set() and self._capture.grab():
+                now = time.monotonic()
+                decoded, image = self._capture.retrieve()
+                if decoded:
+                    return Shot(now, sequence, image)
+        return None
 
 
 def _open(index: int) -> tuple[Any, float]:
@@ -59,11 +79,15 @@ def _open(index: int) -> tuple[Any, float]:
         # The newest image is the one that counts.
         capture.set(cv2.CAP_PROP_BUFFERSIZE, 1)
         if capture.grab():
-            return capture, nominal_rate(capture)
+            rate = float(capture.get(cv2.CAP_PROP_FPS))
+            return capture, rate if RATES[0] <= rate <= RATES[1] else WEBCAM_RATE
     capture.release()
+    why = refusal(index) or Refusal(
+        "does not answer", "see whether it is plugged in, is free, and may be used by this user"
+    )
     raise UnavailableError(
-        "this webcam does not answer",
+        f"this webcam {why.what}",
         where=f"webcam:{index}",
-        hint="see whether it is plugged in, is free, and may be used by this user "
-        f"(on Linux: /dev/video{index}); takes and `rehearsal` need no camera",
+        found=why.found,
+        hint=f"{why.hint}; takes and `rehearsal` need no camera",
     )
