@@ -1,9 +1,9 @@
 """Where a performer's joints really are: triangulated from four calibrated views.
 
-The views are those of Pose2Sim's demonstration (BSD-3-Clause): one person, 100 pictures each at 60 a
-second, taken at the same instants. In each our own network finds the 33 landmarks, and what the four
-say of one landmark is triangulated; a view that disagrees is left out. No single view's guess of
-depth is in it.
+The views are those of Pose2Sim's demonstration (BSD-3-Clause): one person, 100 pictures each at 60
+a second, taken at the same instants. In each our own network finds the 33 landmarks, and what the
+four say of one landmark is triangulated; a view that disagrees is left out. No single view's guess
+of depth is in it.
 """
 
 from __future__ import annotations
@@ -154,7 +154,9 @@ def _meeting(
     while True:
         across = np.eye(3) - rays[:, :, None] * rays[:, None, :]
         scaled = (weights * used)[:, None, None] * across
-        point = np.linalg.solve(scaled.sum(axis=0), (scaled @ centres[:, :, None]).sum(axis=0))[:, 0]
+        point = np.linalg.solve(scaled.sum(axis=0), (scaled @ centres[:, :, None]).sum(axis=0))[
+            :, 0
+        ]
         away = point - centres
         miss = focal * np.linalg.norm((across @ away[:, :, None])[:, :, 0], axis=1)
         miss /= np.maximum(np.sum(away * rays, axis=1), 0.1)
@@ -168,4 +170,5 @@ def _smoothed(points: Floats) -> Floats:
     """Each place averaged over its neighbours in time."""
     half = SMOOTH // 2
     padded = np.pad(points, ((half, half), (0, 0), (0, 0)), mode="edge")
-    return np.mean([padded[i : i + len(points)] for i in range(SMOOTH)], axis=0)
+    windows = [padded[i : i + len(points)] for i in range(SMOOTH)]
+    return np.asarray(np.mean(windows, axis=0))

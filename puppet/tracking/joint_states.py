@@ -12,7 +12,6 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from puppet.kernel import Floats
 from puppet.skeleton import Joint, TrackingState
 from puppet.tracking.blazepose import LANDMARK_COUNT, Landmarks
 from puppet.tracking.lift import DEPENDS

@@ -1,7 +1,7 @@
 """Arms or legs that change sides for a few frames, though the body does not turn: undone.
 
-`sides.py` sees to the whole body. Where arms cross or legs pass each other, the network may exchange
-just these. No wrist goes over to the other's place within a frame, and back to its own later.
+`sides.py` sees to the whole body. Where arms cross or legs pass each other, the network may
+exchange just these. No wrist goes over to the other's place within a frame, and back later.
 """
 
 from __future__ import annotations
