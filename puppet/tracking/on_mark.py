@@ -21,8 +21,10 @@ from puppet.tracking.stage_frame import StageFromCamera, at_mark, joints_of, mar
 from puppet.tracking.standing import Kind
 
 #: Seconds for which somebody has to be seen before feet have told the floor, and depth.
-FEET_SECONDS: Final = 2.0
+FEET_SECONDS: Final = 1.0
 DEPTH_SECONDS: Final = 0.5
+#: Metres that feet may be off the floor that was found; ankles and toes are a little above it.
+FEET_OFF: Final = 0.1
 #: Seconds without the performer after which counting begins anew.
 AWAY: Final = 1.0
 
@@ -52,7 +54,10 @@ class OnMark:
     of what is waited for now. saying: what to do, a sentence for the performer.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, walk: float = 0.0) -> None:
+        """walk: seconds from when the floor is known until standing still counts."""
+        self._walk = walk
+        self._counts_from = math.inf
         self.stage: FoundStage | None = None
         self.floor_known = False
         self.progress = 0.0
@@ -75,12 +80,16 @@ class OnMark:
             self.progress = 0.0
             self.saying = "Step into the picture, so that all of you is seen, feet too."
             return
+        self._places.append(chosen.positions)
         if not self.floor_known:
             self._learn_floor(chosen, level)
             return
+        left = self._counts_from - chosen.time
+        if left > 0.0:
+            self.progress = 1.0 - left / self._walk
+            self.saying = f"Walk to your mark and face the audience: {math.ceil(left)} ..."
+            return
         conditioned = self._condition(replace(chosen, positions=level.to_stage(chosen.positions)))
-        to_camera = level.stage_from_camera().to_camera
-        self._places.append(to_camera(conditioned.positions))
         self._neutral(conditioned)
         self.progress = self._neutral.progress
         others = len(moment.frames) - 1
@@ -90,7 +99,7 @@ class OnMark:
             else f"The nearest person counts; {others} more can be seen, and should step out."
         )
         if self._neutral.measured and self._neutral.stance is not None:
-            points = to_camera(joints_of(self._neutral.stance))
+            points = level.stage_from_camera().to_camera(joints_of(self._neutral.stance))
             level.settle()
             self.stage = _stage(level, points, self._neutral.kind)
             self.progress = 1.0
@@ -125,6 +134,7 @@ class OnMark:
             level.settle()
             self.floor_known = True
             self.progress = 0.0
+            self._counts_from = frame.time + self._walk
 
     def _forget(self) -> None:
         self._condition = Conditioner()
@@ -139,6 +149,13 @@ def _stage(level: Level, points: Floats, kind: Kind | None) -> FoundStage:
     mark = mark_of(body)
     lowest = float(body[_FEET, 1].min())
     how = {"I": "arms hanging", "T": "arms held out", "still": "standing still"}
+    quality = (
+        f"the lens is {before.shift[1]:.2f} m above the floor and "
+        f"{math.hypot(mark[0] - before.shift[0], mark[1] - before.shift[2]):.2f} m from the mark; "
+        f"feet are seen {abs(lowest) * 100:.0f} cm {'above' if lowest > 0.0 else 'below'} the floor"
+    )
+    if abs(lowest) > FEET_OFF:
+        quality += ", which is too much: see whether all of you can be seen, and do it again"
     return FoundStage(
         before.with_mark(*mark),
         None if kind is None else at_mark(stance_of(body), *mark),
@@ -147,7 +164,5 @@ def _stage(level: Level, points: Floats, kind: Kind | None) -> FoundStage:
         "where nobody stood still: the middle of where they were"
         if kind is None
         else f"a performer, {how[kind]}",
-        f"the lens is {before.shift[1]:.2f} m above the floor and "
-        f"{math.hypot(mark[0], mark[1]):.2f} m from the mark; feet are seen "
-        f"{abs(lowest) * 100:.0f} cm {'above' if lowest > 0.0 else 'below'} the floor",
+        quality,
     )
