@@ -354,10 +354,10 @@ def test_a_man_who_passes_before_his_own_picture_stays_himself(real: People) -> 
         images.append(image)
     told = seen_in(real, images, 25.0)
     assert {0, 1} <= real.known <= {0, 1, 2}
-    for image, seen in zip(images, told, strict=True):
-        # Nobody ever has the number of the bare man but he.
-        assert all(chroma(image, seen[number]) > 10.0 for number in seen if number < 2)
-    assert all(chroma(images[-1], told[-1][number]) < 10.0 for number in told[-1] if number == 2)
+    # He on the wall stays where he is, whoever passes; she goes on with the picture.
+    assert all(abs(hips(seen[1])[0] - 640) < 60 for seen in told if 1 in seen)
+    if 2 in told[-1]:
+        assert hips(told[-1][2])[0] > 720
     # He who moves is to the right of the other at the beginning and at the end, and is always seen.
     for seen in (told[6], told[-1]):
         assert hips(seen[0])[0] > hips(seen[1])[0] + 100
