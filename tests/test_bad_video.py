@@ -6,7 +6,7 @@ A show goes on with what there is of them; what was wrong is said.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from dataclasses import replace
 from itertools import islice, pairwise
 from pathlib import Path
@@ -26,6 +26,7 @@ from puppet.tracking.raw_recording import RawRecording
 from puppet.tracking.raw_writer import RawWriter
 from puppet.tracking.video_file import VideoFile
 from puppet.tracking.watcher import Watcher
+from tests.cameras import Shots
 from tests.pose_models import clip_or_skip, models_or_skip
 from tests.test_video_file import picture, write_video
 
@@ -46,23 +47,6 @@ def performer() -> list[Image]:
         np.asarray(cv2.resize(shot.colour, (480, 854), interpolation=cv2.INTER_AREA), np.uint8)
         for shot in shots
     ]
-
-
-class Shots:
-    """A camera of shots that are there already."""
-
-    def __init__(self, shots: Iterable[Shot]) -> None:
-        self._shots = list(shots)
-        self.info, self.trouble, self.warnings = CameraInfo("shots", "test", 20.0), "", ()
-
-    def __len__(self) -> int:
-        return len(self._shots)
-
-    def __iter__(self) -> Iterator[Shot]:
-        return iter(self._shots)
-
-    def close(self) -> None:
-        """Nothing to let go of."""
 
 
 def watched(camera: Camera, models: PoseModels) -> list[Moment]:
@@ -198,7 +182,7 @@ def test_one_frame_a_second_and_240_are_as_good_as_any(
     tmp_path: Path, models: PoseModels, performer: list[Image], rate: float, every: int
 ) -> None:
     images = performer[:30:every]
-    path = write_video(tmp_path / "odd.mp4", "libx264", images, rate=rate)
+    path = write_video(tmp_path / "odd.avi", "ffv1", images, rate=rate)
     camera = VideoFile(path)
     assert camera.info.rate == rate
     moments = watched(camera, models)
@@ -224,7 +208,7 @@ def test_who_is_hidden_by_black_frames_comes_back_as_themselves(
     for image in images[10:16]:
         image[:] = 0
     moments = watched(
-        VideoFile(write_video(tmp_path / "gap.mp4", "libx264", images, rate=20.0)), models
+        VideoFile(write_video(tmp_path / "gap.avi", "ffv1", images, rate=20.0)), models
     )
     assert not any(moment.present for moment in moments[10:16])
     assert moments[9].present

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
-from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -32,6 +31,7 @@ from puppet.tracking.source import SourceInfo
 from puppet.tracking.take import read_take, write_take
 from puppet.tracking.video_file import VideoFile
 from puppet.tracking.watcher import Watcher
+from tests.cameras import First
 from tests.pose_models import clip_or_skip, models_or_skip
 
 INFO = CameraInfo("oak:1844", "oak", 30.0, live=True, device="1844", note="a test", licence="CC0")
@@ -436,27 +436,10 @@ def test_the_metadata_is_there_for_people(tmp_path: Path) -> None:
     assert record.metadata["rate"] == "30"
 
 
-class Few:
-    """The first shots of a camera."""
-
-    def __init__(self, camera: VideoFile, count: int) -> None:
-        self._camera, self._count = camera, count
-        self.info, self.trouble, self.warnings = camera.info, "", ()
-
-    def __len__(self) -> int:
-        return self._count
-
-    def __iter__(self) -> Iterator[Shot]:
-        return islice(self._camera, self._count)
-
-    def close(self) -> None:
-        """Nothing to let go of."""
-
-
 def test_a_replayed_recording_goes_the_live_path_bit_for_bit(tmp_path: Path) -> None:
     models, clip = models_or_skip(), clip_or_skip()
     up, focal = (0.2144479, -0.8986921, -0.3825762), 1681.08
-    direct = Few(VideoFile(clip, up=up, focal=focal), 15)
+    direct = First(VideoFile(clip, up=up, focal=focal), 15)
     path = write(tmp_path / "a.raw.mcap", direct, direct.info, "png")
     live = list(Watcher(direct, models))
     replayed = list(Watcher(RawRecording(path), models))
