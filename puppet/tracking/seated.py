@@ -18,9 +18,11 @@ from puppet.skeleton import Joint, TrackingState
 #: performer's own are not known.
 USUAL_TRUNK: Final = 0.49
 USUAL_HIP: Final = 0.10
-#: Where on that way the spine lies, and how far below the hip centre the hips are.
+#: Parts of that way: where the spine lies, how far below the hip centre the hips are, and how far
+#: above the shoulders their centre is.
 _SPINE: Final = 0.18
 _BELOW: Final = 0.12
+_NECK: Final = 0.10
 _HIPS: Final = [Joint.HIP_LEFT, Joint.HIP_RIGHT]
 _LEGS: Final = [
     *(Joint.KNEE_LEFT, Joint.ANKLE_LEFT, Joint.FOOT_LEFT),
@@ -40,15 +42,18 @@ def seated(
     """
     states = states.copy()
     states[_LEGS] = TrackingState.NOT_TRACKED
-    shoulders = [Joint.SHOULDER_CENTER, Joint.SHOULDER_LEFT, Joint.SHOULDER_RIGHT]
-    if (states[shoulders] == TrackingState.NOT_TRACKED).any():
+    if (states[[Joint.SHOULDER_LEFT, Joint.SHOULDER_RIGHT]] == TrackingState.NOT_TRACKED).any():
         return positions, states
     if (states[_HIPS] == TrackingState.TRACKED).all():
         return positions, states
     positions = positions.copy()
     trunk = float(lengths[Joint.SHOULDER_CENTER]) or USUAL_TRUNK
     width = float(lengths[Joint.HIP_LEFT]) or USUAL_HIP
-    neck = positions[Joint.SHOULDER_CENTER]
+    # Where the neck is was guessed from hips that nobody sees.
+    shoulders = positions[[Joint.SHOULDER_LEFT, Joint.SHOULDER_RIGHT]]
+    neck = shoulders.mean(axis=0) + _NECK * trunk * up
+    positions[Joint.SHOULDER_CENTER] = neck
+    states[Joint.SHOULDER_CENTER] = states[[Joint.SHOULDER_LEFT, Joint.SHOULDER_RIGHT]].min()
     across = positions[Joint.SHOULDER_LEFT] - positions[Joint.SHOULDER_RIGHT]
     across = across - up * float(across @ up)
     across /= max(float(np.linalg.norm(across)), 1e-6)
