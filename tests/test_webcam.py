@@ -50,7 +50,7 @@ class FakeCapture:
         return self.opened and self.left >= 0
 
     def retrieve(self) -> tuple[bool, Any]:
-        return True, np.full((4, 6, 3), self.left, np.uint8)
+        return True, np.full((4, 6, 3), self.left % 256, np.uint8)
 
     def release(self) -> None:
         self.opened = False
