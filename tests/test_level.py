@@ -72,6 +72,17 @@ def test_standing_people_tell_up_and_floor(tilt: tuple[float, float, float]) -> 
     np.testing.assert_allclose(level.to_stage(body)[:, 1], standing()[:, 1], atol=0.05)
 
 
+def test_half_a_second_of_standing_settles_a_camera_that_hangs_askew() -> None:
+    body, up = seen_by(1.5, -0.5, 0.45)
+    level = Level()
+    for _ in range(16):
+        level.observe(body, TRACKED)
+    assert math.degrees(math.acos(float(level.up @ up))) > 5.0
+    level.settle()
+    assert math.degrees(math.acos(float(level.up @ up))) < 2.0
+    np.testing.assert_allclose(level.to_stage(body)[:, 1], standing()[:, 1], atol=0.05)
+
+
 def test_a_bow_does_not_tilt_the_world() -> None:
     body = standing()
     upper = [joint for joint in Joint if joint.name.split("_")[0] not in ("HIP", "KNEE", "ANKLE")]

@@ -27,8 +27,10 @@ STRAIGHT: Final = 0.9
 #: are seen too low as often as too high, and now and then both are off the floor.
 FEET_KEPT: Final = 600
 BELOW_FLOOR: Final = 0.3
-#: So many people standing are enough to say where up is about.
+#: So many people standing are enough to say where up is about; and so many to forget, when it has
+#: to be settled, that the camera was thought to be level.
 ENOUGH_COUNT: Final = 40.0
+SETTLED_COUNT: Final = 15.0
 #: While it is still being learnt, the level moves by this part of the way at each frame.
 FLOOR_STEP: Final = 0.05
 #: From the floor to the hips, metres, for those whose feet were never seen.
@@ -71,6 +73,8 @@ class Level:
         direction = np.array([0.0, 1.0, 0.0] if up is None else up, float)
         self._sum = PRIOR_COUNT * direction / np.linalg.norm(direction)
         self._count = PRIOR_COUNT
+        self._standing = np.zeros(3)
+        self._stood = 0.0
         self._feet = np.zeros((FEET_KEPT, len(_FEET), 3))
         self._feet_seen = 0
         self._plane: FloorPlane | None = None
@@ -147,7 +151,11 @@ class Level:
         """Take what was learnt so far for the truth at once."""
         if self._plane is not None:
             self._approach(self._plane, 1.0)
-        elif self._feet_seen:
+            return
+        if not self._known_up and self._stood >= SETTLED_COUNT:
+            self._sum = self._standing / self._stood
+            self._count = max(self._count, PRIOR_COUNT)
+        if self._feet_seen:
             self._floor = self._learnt_floor()
 
     def stage_from_camera(self) -> StageFromCamera:
@@ -185,6 +193,8 @@ class Level:
         if min(_cosine(trunk, leg) for leg in legs) < STRAIGHT:
             return
         along = shoulders - 0.5 * (left + right)
+        self._stood += 1.0
+        self._standing += along / np.linalg.norm(along)
         self._count = min(self._count + 1.0, MOST_COUNT)
         mean = self._sum / np.linalg.norm(self._sum)
         mean += (along / np.linalg.norm(along) - mean) / self._count
