@@ -80,3 +80,15 @@ def test_he_lifts_a_leg_and_comes_nearer_as_in_the_clip(path: Path) -> None:
     assert last < first - 0.3
     assert abs(first - TRUE_DISTANCES[0]) < ASTRAY
     assert abs(last - TRUE_DISTANCES[1]) < ASTRAY
+
+
+def test_he_who_leaps_off_a_roof_is_still_himself_when_he_lands() -> None:
+    found = hips_of(DUO[0].with_name("leap.mcap"))
+    assert found.keys() == {0, 1}
+    (start, roof), (end, lawn) = found[0][0], found[0][-1]
+    assert end - start > 7.0
+    assert roof[1] - lawn[1] > 1.0
+    # She walks past below him, from behind a tree on the right to the border on the left.
+    (_, tree), (_, border) = found[1][0], found[1][-1]
+    assert tree[0] - border[0] > 3.0
+    assert abs(tree[1] - border[1]) < 0.4
