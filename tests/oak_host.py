@@ -166,7 +166,8 @@ def host_stream(script: Script, rate: float = RATE) -> OakStream:
 class Bus:
     """Where devices are plugged in: each opening is the next of its scripts.
 
-    present: what is listed. A script that is an exception is raised by the opening.
+    present: what is listed. The last script is used again and again. One that is an exception is
+    raised by the opening.
     """
 
     def __init__(self, *scripts: Script | Exception, present: Sequence[OakFound] = ()) -> None:
@@ -182,7 +183,7 @@ class Bus:
 
     def opener(self, oak: OakFound, config: OakConfig) -> OakStream:
         self.opened.append(oak.id)
-        script = self.scripts.pop(0)
+        script = self.scripts.pop(0) if len(self.scripts) > 1 else self.scripts[0]
         if isinstance(script, Exception):
             raise script
         stream = host_stream(script, config.rate)

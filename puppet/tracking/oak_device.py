@@ -67,11 +67,10 @@ def device_outputs(pipeline: dai.Pipeline, device: dai.Device, config: OakConfig
         fps=config.rate,
         enableUndistortion=True,
     )
-    if calibration is not None:
-        position = calibration.getLensPosition(eye)
-        if 0 < position < 255:
-            # A lens that focuses by itself zooms a little; it was calibrated at this position.
-            cameras[eye].initialControl.setManualFocus(position)
+    focus = None if calibration is None else calibrated_focus(calibration, eye)
+    if focus is not None:
+        # A lens that focuses by itself zooms a little; it was calibrated at this position.
+        cameras[eye].initialControl.setManualFocus(focus)
     depth = None
     if config.depth:
         pairs = [pair for pair in device.getAvailableStereoPairs() if not pair.isVertical]
@@ -111,6 +110,15 @@ def imu_turn(calibration: dai.CalibrationHandler, eye: dai.CameraBoardSocket) ->
         return None
     proper = np.allclose(matrix @ matrix.T, np.eye(3), atol=0.01) and np.linalg.det(matrix) > 0.0
     return matrix if proper else None
+
+
+def calibrated_focus(calibration: dai.CalibrationHandler, eye: dai.CameraBoardSocket) -> int | None:
+    """The position of a lens, 1 to 254, at which a camera was calibrated; None if it is fixed."""
+    try:
+        position = calibration.getLensPosition(eye)
+    except RuntimeError:
+        return None
+    return position if 0 < position < 255 else None
 
 
 def depth_size(config: OakConfig) -> tuple[int, int]:
