@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -12,6 +13,7 @@ import cv2
 import jsonschema
 import numpy as np
 import pytest
+from foxglove_schemas_protobuf.CameraCalibration_pb2 import CameraCalibration
 from foxglove_schemas_protobuf.CompressedImage_pb2 import CompressedImage
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -20,7 +22,7 @@ from mcap.writer import Writer
 from mcap_protobuf.decoder import DecoderFactory
 from numpy.typing import NDArray
 
-from puppet.errors import BadFileError
+from puppet.errors import BadFileError, UnavailableError
 from puppet.tracking import raw_writer
 from puppet.tracking.camera import Camera, CameraInfo, Shot
 from puppet.tracking.intrinsics import Intrinsics
@@ -31,7 +33,7 @@ from puppet.tracking.source import SourceInfo
 from puppet.tracking.take import read_take, write_take
 from puppet.tracking.video_file import VideoFile
 from puppet.tracking.watcher import Watcher
-from tests.cameras import First
+from tests.cameras import First, Shots
 from tests.pose_models import clip_or_skip, models_or_skip
 
 INFO = CameraInfo("oak:1844", "oak", 30.0, live=True, device="1844", note="a test", licence="CC0")
@@ -368,9 +370,9 @@ def png(image: NDArray[Any]) -> bytes:
         (replaced("/shot", None), "nothing on /shot"),
         (replaced("/shot", b'{"time": "now", "sequence": 1}'), "not a shot"),
         (replaced("/shot", b"\xff"), "not a shot"),
-        (replaced("/depth", png(np.zeros((32, 48), np.uint8))), "not depth"),
-        (replaced("/depth", png(np.zeros((32, 48, 3), np.uint16))), "not depth"),
-        (replaced("/depth", png(np.zeros((32, 32), np.uint16))), "another view"),
+        (replaced("/depth", png(np.zeros((32, 48), np.uint8))), "uint8, and not one channel"),
+        (replaced("/depth", png(np.zeros((32, 48, 3), np.uint16))), "3) uint16"),
+        (replaced("/depth", png(np.zeros((32, 32), np.uint16))), "32×32 pixels, another shape"),
         (replaced("/calibration", b"\xff\xff\xff"), "not a calibration"),
     ],
 )
@@ -378,7 +380,9 @@ def test_messages_that_are_wrong_are_named_by_their_shot(
     tmp_path: Path, change: Change, says: str
 ) -> None:
     path = changed(write(tmp_path / "a.raw.mcap", some_shots(3)), change)
-    with pytest.raises(BadFileError, match=rf"changed\.raw\.mcap: shot 0: .*{says}"):
+    with pytest.raises(
+        BadFileError, match=rf"changed\.raw\.mcap: shot 0: (.|\n)*{re.escape(says)}"
+    ):
         RawRecording(path)
 
 
@@ -392,7 +396,10 @@ def test_time_that_runs_backwards_is_named_by_its_shot(tmp_path: Path) -> None:
 def test_another_camera_s_calibration_is_refused_where_it_cannot_be_right(tmp_path: Path) -> None:
     other = write(
         tmp_path / "other.raw.mcap",
-        (replace(shot, colour=np.zeros((48, 64, 3), np.uint8)) for shot in some_shots(1)),
+        (
+            replace(shot, colour=np.zeros((48, 64, 3), np.uint8), depth=None)
+            for shot in some_shots(1)
+        ),
     )
     lens: list[bytes] = []
 
@@ -405,14 +412,36 @@ def test_another_camera_s_calibration_is_refused_where_it_cannot_be_right(tmp_pa
     path = write(tmp_path / "a.raw.mcap", some_shots(3))
     with pytest.raises(BadFileError, match=r"another camera(.|\n)*96×64(.|\n)*64×48"):
         RawRecording(changed(path, replaced("/calibration", lens[0])))
-    for impossible in (
-        Intrinsics(0.0, 70.0, 48.0, 32.0),
-        Intrinsics(70.0, 70.0, 300.0, 32.0),
-        Intrinsics(1681.0, 1681.0, 47.5, 31.5),
+    impossible = CameraCalibration(width=96, height=64, K=[70.0, 0, 300.0, 0, 70.0, 32.0, 0, 0, 1])
+    for other_lens, says in (
+        (impossible, "outside of 96×64"),
+        (CameraCalibration(width=96, height=64, K=[70.0, 0.0]), "no camera matrix"),
     ):
-        shots = (replace(shot, intrinsics=impossible) for shot in some_shots(3))
-        with pytest.raises(BadFileError, match="shot 0: the calibration"):
-            RawRecording(write(tmp_path / "b.raw.mcap", shots))
+        change = replaced("/calibration", other_lens.SerializeToString())
+        with pytest.raises(BadFileError, match=rf"shot 0: .*calibration(.|\n)*{says}"):
+            RawRecording(changed(path, change))
+
+
+def bad_depth(shot: Shot) -> Shot:
+    return replace(shot, depth=np.zeros((32, 32), np.uint16))
+
+
+def bad_lens(shot: Shot) -> Shot:
+    return replace(shot, intrinsics=Intrinsics(1681.0, 1681.0, 47.5, 31.5))
+
+
+@pytest.mark.parametrize(
+    ("bad", "says"), [(bad_depth, "depth cannot be"), (bad_lens, "calibration cannot be")]
+)
+def test_what_could_not_be_replayed_is_not_recorded(
+    tmp_path: Path, bad: Callable[[Shot], Shot], says: str
+) -> None:
+    path = tmp_path / "a.raw.mcap"
+    with pytest.raises(UnavailableError, match=rf"oak:1844: shot 0: .*{says}"):
+        write(path, map(bad, some_shots(3)))
+    # Nothing of it was written.
+    with pytest.raises(BadFileError, match="has no shot"):
+        RawRecording(path)
 
 
 def test_a_doubtful_calibration_is_a_warning_once(tmp_path: Path) -> None:
@@ -436,10 +465,23 @@ def test_the_metadata_is_there_for_people(tmp_path: Path) -> None:
     assert record.metadata["rate"] == "30"
 
 
+def with_depth(shots: Iterable[Shot]) -> Iterator[Shot]:
+    """Half the size, with a sense of up, and depth as if everything were about 3.2 m away."""
+    noise = np.random.default_rng(2)
+    for shot in shots:
+        colour = cv2.resize(shot.colour, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA)
+        yield replace(
+            shot,
+            colour=np.asarray(colour, np.uint8),
+            depth=noise.integers(3100, 3300, (480, 270)).astype(np.uint16),
+            intrinsics=Intrinsics(840.5, 840.5, 269.5, 479.5),
+            up=np.array([0.2144479, -0.8986921, -0.3825762]),
+        )
+
+
 def test_a_replayed_recording_goes_the_live_path_bit_for_bit(tmp_path: Path) -> None:
     models, clip = models_or_skip(), clip_or_skip()
-    up, focal = (0.2144479, -0.8986921, -0.3825762), 1681.08
-    direct = First(VideoFile(clip, up=up, focal=focal), 15)
+    direct = Shots(with_depth(First(VideoFile(clip), 15)))
     path = write(tmp_path / "a.raw.mcap", direct, direct.info, "png")
     live = list(Watcher(direct, models))
     replayed = list(Watcher(RawRecording(path), models))

@@ -17,7 +17,6 @@ from mcap.reader import NonSeekingReader, SeekingReader
 
 from puppet.errors import BadFileError
 from puppet.tracking.camera import CameraInfo, Shot
-from puppet.tracking.lens_check import lens_doubt
 from puppet.tracking.raw_format import (
     CALIBRATION,
     COLOUR,
@@ -29,6 +28,7 @@ from puppet.tracking.raw_format import (
     metadata_of,
 )
 from puppet.tracking.raw_shot import shot_of
+from puppet.tracking.shot_check import lens_doubt
 from puppet.tracking.take import MCAP_MAGIC
 from puppet.tracking.take import METADATA_NAME as TAKE_METADATA
 

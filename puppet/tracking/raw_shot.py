@@ -16,11 +16,9 @@ from numpy.typing import NDArray
 from puppet.errors import BadFileError
 from puppet.tracking.camera import Depth, Image, Shot
 from puppet.tracking.intrinsics import Intrinsics
-from puppet.tracking.lens_check import lens_error
 from puppet.tracking.raw_format import CALIBRATION, COLOUR, DEPTH, SHOT, ShotMessage
+from puppet.tracking.shot_check import depth_error, lens_error
 
-#: Widths to heights of colour and depth of one view differ by no more than this part.
-SAME_SHAPE: Final = 0.02
 _decoder: Final = msgspec.json.Decoder(ShotMessage)
 
 
@@ -72,21 +70,11 @@ def _colour(data: bytes, where: str) -> Image:
 
 def _depth(data: bytes, colour: Image, where: str) -> Depth:
     depth: Depth = _decoded(data, cv2.IMREAD_UNCHANGED, where)
-    if depth.dtype != np.uint16 or depth.ndim != 2:
+    height, width = colour.shape[:2]
+    wrong = depth_error(depth, width, height)
+    if wrong:
         raise BadFileError(
-            "the depth of a shot is not depth",
-            where=where,
-            expected="one channel of 16 bits, millimetres",
-            found=f"{depth.shape} {depth.dtype}",
-        )
-    (height, width), (rows, columns) = colour.shape[:2], depth.shape
-    if abs(width * rows / (height * columns) - 1.0) > SAME_SHAPE:
-        raise BadFileError(
-            "the depth of a shot is of another view than its image",
-            where=where,
-            expected=f"the shape of {width}×{height} pixels",
-            found=f"{columns}×{rows}",
-            hint="depth has to be aligned to the colour image when it is recorded",
+            "the depth of a shot cannot be that of its image", where=where, found=wrong
         )
     return depth
 

@@ -1,15 +1,16 @@
-"""Which lenses can be those of an image, and which are another camera's."""
+"""Which lenses and depths can be those of an image, and which are another camera's."""
 
 from __future__ import annotations
 
 import math
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from puppet.tracking.intrinsics import Intrinsics
-from puppet.tracking.lens_check import lens_doubt, lens_error
+from puppet.tracking.shot_check import depth_error, lens_doubt, lens_error
 
 
 @given(
@@ -63,3 +64,13 @@ def test_lenses_that_are_odd_say_what_is(
     lens = Intrinsics(*map(float, numbers))
     assert not lens_error(lens, *size)
     assert says in lens_doubt(lens, *size)
+
+
+def test_depth_may_be_coarser_but_not_of_another_shape() -> None:
+    for rows, columns in ((720, 1280), (400, 711), (360, 640)):
+        assert not depth_error(np.zeros((rows, columns), np.uint16), 1280, 720)
+    for rows, columns in ((400, 640), (720, 720), (1280, 720), (0, 0)):
+        wrong = depth_error(np.zeros((rows, columns), np.uint16), 1280, 720)
+        assert f"{columns}×{rows}" in wrong
+        assert "1280×720" in wrong
+    assert "float32" in depth_error(np.zeros((720, 1280), np.float32), 1280, 720)

@@ -1,9 +1,12 @@
-"""Whether a lens can be that of an image: what another camera's calibration gives away."""
+"""Whether lens and depth can be those of an image: what another camera's calibration gives away."""
 
 from __future__ import annotations
 
 import math
-from typing import Final
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
 
 from puppet.tracking.intrinsics import Intrinsics
 
@@ -15,6 +18,8 @@ POSSIBLE_ANGLES: Final = (5.0, 160.0)
 OFF_MIDDLE: Final = 0.15
 #: Pixels are square; focal lengths differ by no more than this part.
 OFF_SQUARE: Final = 0.1
+#: Widths to heights of colour and depth of one view differ by no more than this part.
+SAME_SHAPE: Final = 0.02
 
 
 def lens_error(lens: Intrinsics, width: int, height: int) -> str:
@@ -49,6 +54,16 @@ def lens_doubt(lens: Intrinsics, width: int, height: int) -> str:
         )
     if abs(lens.focal_x / lens.focal_y - 1.0) > OFF_SQUARE:
         return f"the lens has focal lengths of {lens.focal_x:.0f} and {lens.focal_y:.0f} pixels"
+    return ""
+
+
+def depth_error(depth: NDArray[Any], width: int, height: int) -> str:
+    """Why this cannot be the depth of an image of so many pixels; empty if it can."""
+    if depth.dtype != np.uint16 or depth.ndim != 2:
+        return f"it is {depth.shape} {depth.dtype}, and not one channel of 16 bits"
+    rows, columns = depth.shape
+    if min(rows, columns) == 0 or abs(width * rows / (height * columns) - 1.0) > SAME_SHAPE:
+        return f"it has {columns}×{rows} pixels, another shape than {width}×{height}"
     return ""
 
 
