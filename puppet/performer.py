@@ -8,6 +8,7 @@ from puppet.mapping.stance import Stance
 from puppet.show import ConditioningConfig
 from puppet.skeleton import SkeletonFrame, nobody
 from puppet.tracking.condition import Conditioner
+from puppet.tracking.conditioning_steps import ConditioningSteps
 from puppet.tracking.neutral import NeutralStance
 
 
@@ -18,14 +19,15 @@ class PerformerTick:
     raw: what the tracker said; joints that it did not see are not tracked. frame: the conditioned
     skeleton. neutral: the stance that puppets count from; None until somebody was seen.
     measured: whether that stance was really seen. anew: whether it is another one since the last
-    step.
+    step. steps: the skeleton before and after each step of conditioning.
     """
 
     raw: SkeletonFrame
     frame: SkeletonFrame
     neutral: Stance | None
     measured: bool
-    anew: bool = False
+    anew: bool
+    steps: ConditioningSteps
 
 
 class Performer:
@@ -45,4 +47,11 @@ class Performer:
             self.seen = time
         conditioned = self.condition(frame)
         anew = self.neutral(conditioned)
-        return PerformerTick(frame, conditioned, self.neutral.stance, self.neutral.measured, anew)
+        return PerformerTick(
+            frame,
+            conditioned,
+            self.neutral.stance,
+            self.neutral.measured,
+            anew,
+            self.condition.steps,
+        )

@@ -15,6 +15,7 @@ from typing import Final, Literal
 import msgspec
 
 from puppet.errors import BadShowError
+from puppet.oak_config import OakConfig
 
 Triple = tuple[float, float, float]
 #: How many people one camera can follow.
@@ -63,6 +64,7 @@ class SourceConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     path: a take, a video file, a raw recording, ``webcam:0``, ``oak:`` or ``rehearsal``.
     name: what tells several cameras of one show apart; it may stay empty if there is one.
+    oak: what an OAK camera does on the device itself.
     remote: its tracker is started on another machine, with ``puppet track SHOW --camera NAME``.
     repeat: what a recording does at its end. speed: of a recording; 1 is as it was recorded.
     max_rate: of a recording, at most so many frames a second are used; for slow machines.
@@ -74,6 +76,7 @@ class SourceConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     max_rate: float | None = None
     name: str = ""
     remote: bool = False
+    oak: OakConfig = OakConfig()
 
 
 class PuppetConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):

@@ -63,17 +63,24 @@ def render(
 @app.command()
 def record(
     take: Annotated[Path, typer.Argument(help="The take to write, .mcap.")],
-    source: Annotated[str, typer.Option(help="A video file, webcam:0, rehearsal, another take.")],
+    source: Annotated[str, typer.Option(help="A video file, webcam:0, oak:, rehearsal, a take.")],
     seconds: Annotated[
         float | None,
         typer.Option(help="Stop after so long."),
     ] = None,
     overwrite: Annotated[bool, typer.Option(help="Replace a take that is there.")] = False,
+    raw: Annotated[
+        bool, typer.Option(help="Keep what the camera sees, not who is there: NAME.raw.mcap.")
+    ] = False,
 ) -> None:
     """Record a source as a take. Ctrl-C ends a recording and keeps it."""
+    if raw:
+        from puppet.commands.raw import record_raw
+
+        return record_raw(take, source, seconds, overwrite)
     from puppet.commands.files import record_take
 
-    record_take(take, source, seconds, overwrite)
+    return record_take(take, source, seconds, overwrite)
 
 
 @app.command(name="import")

@@ -26,7 +26,9 @@ def run(
     port: Port = None,
     source: Annotated[
         str | None,
-        typer.Option(help="Use this source instead of the show's: a path, webcam:0, rehearsal."),
+        typer.Option(
+            help="Use this source instead of the show's: a path, webcam:0, oak:, rehearsal."
+        ),
     ] = None,
     png: Annotated[Path | None, typer.Option(help="Keep the newest picture here.")] = None,
     mp4: Annotated[Path | None, typer.Option(help="Film the show.")] = None,
@@ -56,7 +58,9 @@ def track(
     show: ShowFile,
     source: Annotated[
         str | None,
-        typer.Option(help="Use this source instead of the show's: a path, webcam:0, rehearsal."),
+        typer.Option(
+            help="Use this source instead of the show's: a path, webcam:0, oak:, rehearsal."
+        ),
     ] = None,
     camera: Annotated[
         str | None,

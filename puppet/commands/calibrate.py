@@ -7,7 +7,6 @@ from pathlib import Path
 
 import numpy as np
 from rich.console import Console
-from rich.table import Table
 
 from puppet.commands.calibration_steps import CameraSteps, Wishes
 from puppet.commands.guide import Guide
@@ -79,20 +78,16 @@ def show_calibration(path: Path) -> None:
     if not file.cameras:
         console.print(f"{where}: nothing is calibrated; `puppet calibrate {path}` does it")
         return
-    table = Table("camera", "image", "lens above floor", "from the origin", "floor", "origin")
     for row in file.cameras:
         x, y, z = row.translation
-        table.add_row(
-            row.device,
-            f"{row.width}×{row.height}",
-            f"{y:.2f} m",
-            f"{np.hypot(x, z):.2f} m, {_direction(x, z)}",
-            row.floor,
-            row.origin,
+        console.print(
+            f"{row.device}, images of {row.width}×{row.height}: the lens is {y:.2f} m above the "
+            f"floor, {np.hypot(x, z):.2f} m from the origin, {_direction(x, z)}\n"
+            f"  floor: from {row.floor}; origin: {row.origin}\n"
+            f"  {row.quality} ({row.when})",
+            markup=False,
+            highlight=False,
         )
-    console.print(table)
-    for row in file.cameras:
-        console.print(f"{row.device}: {row.quality} ({row.when})", highlight=False)
     if file.stance is not None:
         console.print(
             f"the neutral stance is kept ({file.stance.kind}, {file.stance.when})", highlight=False

@@ -18,14 +18,14 @@ from rich.progress import (
 from puppet.commands.signals import stop_event
 from puppet.errors import BadShowError, PuppetError
 
-_err = Console(stderr=True, soft_wrap=True)
+err = Console(stderr=True, soft_wrap=True)
 
 
-def _warn(text: str) -> None:
-    _err.print(text, style="yellow", markup=False, highlight=False)
+def warn(text: str) -> None:
+    err.print(text, style="yellow", markup=False, highlight=False)
 
 
-def _fresh(path: Path, overwrite: bool) -> None:
+def check_fresh(path: Path, overwrite: bool) -> None:
     """Raises BadShowError if writing `path` would lose something, or cannot work."""
     if path.exists() and not overwrite:
         raise BadShowError(
@@ -40,9 +40,9 @@ def record_take(path: Path, source: str, seconds: float | None, overwrite: bool)
     from puppet.tracking.open import open_source
     from puppet.tracking.take import TakeWriter
 
-    _fresh(path, overwrite)
+    check_fresh(path, overwrite)
     stop = stop_event()
-    opened = open_source(source, warn=_warn)
+    opened = open_source(source, warn=warn)
     # What was there before stays until the new take is complete.
     part = path.with_name(path.name + ".part")
     written = present = 0
@@ -55,7 +55,7 @@ def record_take(path: Path, source: str, seconds: float | None, overwrite: bool)
             TextColumn("{task.fields[seen]}"),
             TimeElapsedColumn(),
             TimeRemainingColumn(),
-            console=_err,
+            console=err,
         ) as progress,
         TakeWriter(part, opened.info) as writer,
     ):
@@ -77,15 +77,15 @@ def record_take(path: Path, source: str, seconds: float | None, overwrite: bool)
         part.unlink()
         raise BadShowError("the source gave no frame: nothing was recorded", where=source)
     part.replace(path)
-    _err.print(
+    err.print(
         f"{path}: {written} frames, somebody in {present} of them, "
         f"{path.stat().st_size / 1000:.0f} kB",
         highlight=False,
     )
     for warning in getattr(opened, "warnings", ()):  # a video knows only when it is over
-        _warn(warning)
+        warn(warning)
     if present == 0:
-        _err.print("nobody was seen: is the whole person in the picture?", style="yellow")
+        err.print("nobody was seen: is the whole person in the picture?", style="yellow")
 
 
 def import_files(files: list[Path], output: Path | None, overwrite: bool) -> int:
@@ -103,18 +103,18 @@ def import_files(files: list[Path], output: Path | None, overwrite: bool) -> int
         else:
             target = output / (file.stem + ".mcap") if into_folder else output
         try:
-            _fresh(target, overwrite)
+            check_fresh(target, overwrite)
             imported = import_recording(file)
             part = target.with_name(target.name + ".part")
             write_take(part, imported.info, imported.take)
             part.replace(target)
         except PuppetError as error:
             failed += 1
-            _err.print(f"puppet: {error}", markup=False, highlight=False)
+            err.print(f"puppet: {error}", markup=False, highlight=False)
             continue
-        _err.print(f"{file.name} → {target}", highlight=False)
+        err.print(f"{file.name} → {target}", highlight=False)
         for line in imported.report.lines():
-            _err.print(f"  {line}", markup=False, highlight=False)
+            err.print(f"  {line}", markup=False, highlight=False)
     return 2 if failed else 0
 
 
@@ -124,10 +124,10 @@ def get_models(cache: Path | None, wheel: Path | None) -> None:
 
     with contextlib.suppress(PuppetError):
         found = model_paths(cache)
-        _err.print(f"the pose models are in {found.detector.parent}", highlight=False)
+        err.print(f"the pose models are in {found.detector.parent}", highlight=False)
         return
     with Progress(
-        TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn(), console=_err
+        TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn(), console=err
     ) as progress:
         task = progress.add_task("pose models", total=1.0)
         found = fetch_models(
@@ -135,4 +135,4 @@ def get_models(cache: Path | None, wheel: Path | None) -> None:
             cache,
             wheel=wheel,
         )
-    _err.print(f"the pose models are in {found.detector.parent}", highlight=False)
+    err.print(f"the pose models are in {found.detector.parent}", highlight=False)

@@ -23,7 +23,8 @@ from puppet.render.context import headless_context
 from puppet.render.output import open_output
 from puppet.render.window import Window, display_available
 from puppet.show import BusConfig, Show, load_show
-from puppet.tracking.open import open_source
+from puppet.tracking.calibrated import use_calibration
+from puppet.tracking.open import is_device, open_source
 
 
 def _say(text: str) -> None:
@@ -100,7 +101,7 @@ def _check_sources(show: Show, path: Path, source: str | None) -> None:
     """Open what is a file once and let it go: a wrong one is told before anything starts."""
     for config in show.all_sources:
         text = config.path
-        if config.remote or text == "rehearsal" or text.startswith(("webcam:", "oak:")):
+        if config.remote or text == "rehearsal" or is_device(text):
             continue
         open_source(text, folder=None if source else path.parent).close()
 
@@ -128,8 +129,10 @@ def track_show(
         speed=config.speed,
         max_rate=config.max_rate,
         tracking=show.tracking,
+        oak=config.oak,
         warn=lambda warning: _say(f"puppet track: {warning}"),
     )
+    use_calibration(opened, path, lambda warning: _say(f"puppet track: {warning}"))
     with Bus.join(show.bus.endpoint, show.key) as bus:
         run_track(opened, bus, stop, camera or "")
     for warning in getattr(opened, "warnings", ()):  # a video knows only when it is over

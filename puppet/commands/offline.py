@@ -24,6 +24,7 @@ from puppet.render.scene import PuppetOnStage
 from puppet.render.sheet import contact_sheet
 from puppet.render.staging import Staging
 from puppet.show import Show, load_show
+from puppet.tracking.calibrated import use_calibration
 from puppet.tracking.open import open_source
 from puppet.tracking.source import Source
 
@@ -107,8 +108,10 @@ def render_show(
         folder=None if source else path.parent,
         repeat="once" if seconds is None else config.repeat,
         tracking=show.tracking,
+        oak=config.oak,
         warn=lambda text: _say(f"puppet render: {text}"),
     )
+    use_calibration(opened, path, lambda text: _say(f"puppet render: {text}"))
     ticks = _ticks(studio.line, opened, start, seconds)
     if is_sheet:
         _sheet(studio, ticks, output, sheet, times)

@@ -14,7 +14,7 @@ from rich.progress import (
     TimeRemainingColumn,
 )
 
-from puppet.commands.files import _err, _fresh, _warn
+from puppet.commands.files import check_fresh, err, warn
 from puppet.commands.signals import stop_event
 from puppet.errors import BadShowError
 from puppet.tracking.camera import Camera
@@ -25,7 +25,7 @@ def record_raw(path: Path, source: str, seconds: float | None, overwrite: bool) 
     from puppet.tracking.open_camera import open_camera
     from puppet.tracking.raw_writer import RawWriter
 
-    _fresh(path, overwrite)
+    check_fresh(path, overwrite)
     stop = stop_event()
     camera = open_camera(source)
     threading.Thread(target=_close_when, args=(stop, camera), daemon=True).start()
@@ -43,7 +43,7 @@ def record_raw(path: Path, source: str, seconds: float | None, overwrite: bool) 
                 TextColumn("{task.fields[size]}"),
                 TimeElapsedColumn(),
                 TimeRemainingColumn(),
-                console=_err,
+                console=err,
             ) as progress,
             RawWriter(part, camera.info) as writer,
         ):
@@ -67,15 +67,15 @@ def record_raw(path: Path, source: str, seconds: float | None, overwrite: bool) 
     if written == 0:
         raise BadShowError("the camera gave no picture: nothing was recorded", where=source)
     part.replace(path)
-    _err.print(
+    err.print(
         f"{path}: {written} shots, depth in {with_depth} of them, "
         f"{path.stat().st_size / 1e6:.1f} MB",
         highlight=False,
     )
     if lost:
-        _warn(f"{lost} shots were lost on the way: the camera is quicker than this machine writes")
+        warn(f"{lost} shots were lost on the way: the camera is quicker than this machine writes")
     for warning in camera.warnings:
-        _warn(warning)
+        warn(warning)
 
 
 def _close_when(stop: threading.Event, camera: Camera) -> None:

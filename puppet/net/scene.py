@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator
+from typing import Final
 
 from puppet.line import Tick
 from puppet.net.messages import (
@@ -15,6 +16,10 @@ from puppet.net.messages import (
     SceneMessage,
 )
 from puppet.performer import PerformerTick
+
+
+#: The steps of conditioning that are told, in the order in which a frame meets them.
+STEPS: Final = ("raw", "believed", "filtered", "predicted", "shown")
 
 
 def scene_of(
@@ -64,14 +69,15 @@ def _shown(now: PerformerTick, tick: Tick) -> Iterator[PerformerNow]:
 
 def conditioning_of(now: PerformerTick, time: float) -> ConditioningMessage:
     """One performer's joints before and after each step of conditioning."""
-    steps = {"raw": now.raw.positions, "conditioned": now.frame.positions}
+    steps = now.steps
+    positions = {name: getattr(steps, name) for name in STEPS}
     return ConditioningMessage(
         time=time,
         performer=now.frame.performer,
-        steps={name: positions.tobytes() for name, positions in steps.items()},
-        states=now.raw.states.tobytes(),
-        influence=now.frame.influence.tobytes(),
-        trust=now.frame.influence.tobytes(),
+        steps={name: at.tobytes() for name, at in positions.items()},
+        states=steps.states.tobytes(),
+        influence=steps.influence.tobytes(),
+        trust=steps.trust.tobytes(),
     )
 
 
