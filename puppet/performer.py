@@ -47,11 +47,13 @@ class Performer:
             self.seen = time
         conditioned = self.condition(frame)
         anew = self.neutral(conditioned)
+        steps = self.condition.steps
+        assert steps is not None  # there was a frame just now
         return PerformerTick(
             frame,
             conditioned,
             self.neutral.stance,
             self.neutral.measured,
             anew,
-            self.condition.steps,
+            steps,
         )

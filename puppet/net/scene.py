@@ -17,7 +17,6 @@ from puppet.net.messages import (
 )
 from puppet.performer import PerformerTick
 
-
 #: The steps of conditioning that are told, in the order in which a frame meets them.
 STEPS: Final = ("raw", "believed", "filtered", "predicted", "shown")
 
