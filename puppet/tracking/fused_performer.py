@@ -66,7 +66,7 @@ class FusedPerformer:
         self.links[slot] = frame.performer
         self.cameras.add(slot)
         self.last_seen = max(self.last_seen, time)
-        take_in(slot, frame.positions, frame.states, time, step, self._seen)
+        take_in(slot, frame.positions, frame.states, time, step, self._seen, self._fused)
 
     def lose(self, slot: int) -> None:
         """A camera does not see them any more."""
@@ -74,7 +74,7 @@ class FusedPerformer:
         self.doubted.pop(slot, None)
         self._seen.times[slot] = np.nan
         self._seen.states[slot] = 0
-        self._seen.felt[slot] = 0
+        self._seen.steady[slot] = 0
 
     def absorb(self, other: FusedPerformer) -> None:
         """They are one: see with all the cameras that see the other."""

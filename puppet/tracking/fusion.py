@@ -108,11 +108,12 @@ class Fusion:
         if not self._lead.answers(camera, arrived) or time <= self._time:
             return None
         self._time = time
-        if self._lead.alone:
-            self._sequence = max(self._sequence + 1, moment.sequence)
+        alone = self._lead.alone
+        self._sequence = max(self._sequence + 1, moment.sequence if alone else 0)
+        performers = sorted(self._matching.performers, key=lambda one: one.number)
+        frames = [one.at(time, self._sequence, self._lenses) for one in performers]
+        if alone:
             return moment.at(time, self._sequence)
-        self._sequence += 1
-        frames = (one.at(time, self._sequence, self._lenses) for one in self._matching.performers)
         return Moment(time, self._sequence, tuple(frame for frame in frames if frame is not None))
 
     def _slot_of(self, camera: str) -> int:

@@ -20,7 +20,15 @@ from puppet.skeleton import JOINT_COUNT
 from puppet.tracking.fusion_body import agree_on_body
 from puppet.tracking.fusion_memory import Fused, Lenses, Seen
 from puppet.tracking.fusion_outliers import QUARREL, leave_outliers
-from puppet.tracking.fusion_weight import INFERRED, MOVED_ON, add, guess_error, solve, weigh
+from puppet.tracking.fusion_weight import (
+    INFERRED,
+    MOVED_ON,
+    add,
+    distance,
+    guess_error,
+    solve,
+    weigh,
+)
 from puppet.tracking.one_euro import blend
 from puppet.tracking.spring import ease_off, gentle, rate_of
 
@@ -34,27 +42,35 @@ EASE: Final = 0.15
 FASTEST: Final = 0.5
 #: No joint is taken to be faster, m/s.
 _FASTEST_JOINT: Final = 8.0
+#: Metres, and m/s: nobody sees so little, and it is what rounding leaves.
+_NOTHING: Final = 1e-9
 
 
 @kernel
 def take_in(
-    slot: int, positions: Floats, states: Bytes, time: float, step: float, seen: Seen
+    slot: int, positions: Floats, states: Bytes, time: float, step: float, seen: Seen, m: Fused
 ) -> None:
     """Keep what a camera saw. step: seconds since what it saw before, by its own clock."""
+    last, told = m.time[0], seen.times[slot]
     known = step > 1e-6 and step < STALE
-    share = blend(VELOCITY, step)
     for joint in range(JOINT_COUNT):
-        velocity = seen.velocities[slot, joint]
+        old, velocity = seen.positions[slot, joint], seen.velocities[slot, joint]
         if known and states[joint] > 0 and seen.states[slot, joint] > 0:
-            square = 0.0
-            for axis in range(3):
-                now = (positions[joint, axis] - seen.positions[slot, joint, axis]) / step
-                velocity[axis] += share * (now - velocity[axis])
-                square += velocity[axis] * velocity[axis]
-            if square > _FASTEST_JOINT * _FASTEST_JOINT:
-                velocity *= _FASTEST_JOINT / math.sqrt(square)
+            first = not velocity.any()  # which is believed as it is
+            velocity += (1.0 if first else blend(VELOCITY, step)) * (
+                (positions[joint] - old) / step - velocity
+            )
+            speed = math.sqrt((velocity * velocity).sum())
+            if speed > _FASTEST_JOINT:
+                velocity *= _FASTEST_JOINT / speed
+            if time <= last:
+                seen.anchors[slot, joint] = positions[joint] + velocity * min(last - time, MOVED_ON)
+            elif told <= last:
+                share = (last - told) / (time - told)
+                seen.anchors[slot, joint] = old + share * (positions[joint] - old)
         else:
             velocity[:] = 0.0
+            seen.steady[slot, joint] = 0
         seen.positions[slot, joint] = positions[joint]
         seen.states[slot, joint] = states[joint]
     seen.times[slot] = time
@@ -83,7 +99,18 @@ def fuse(time: float, trunk: Ints, seen: Seen, lenses: Lenses, m: Fused) -> None
         quarrel, unclear = leave_outliers(joint, moved, there, on_body, states, lenses)
         m.quarrel[joint] = m.quarrel[joint] + dt if quarrel and goes_on else 0.0
         state = _means(
-            joint, time, there, places, on_body, errors, states, seen, lenses, moved, middle
+            joint,
+            time,
+            there,
+            places,
+            on_body,
+            errors,
+            states,
+            seen,
+            lenses,
+            m,
+            moved,
+            middle,
         )
         if (unclear or m.quarrel[joint] > QUARREL) and state == 2:
             state = 1
@@ -106,8 +133,33 @@ def fuse(time: float, trunk: Ints, seen: Seen, lenses: Lenses, m: Fused) -> None
                     speed - m.velocities[joint, axis]
                 )
             m.positions[joint, axis] = now
-    _remember_offsets(time, seen, places, m)
+    _set_anchors(time, places, seen)
     m.time[0] = time
+
+
+@kernel
+def _move_on(time: float, seen: Seen, places: Floats, errors: Floats, states: Bytes) -> None:
+    """Where each camera's joints are at `time`, how wrong that may be, and their states."""
+    for slot in range(len(seen.times)):
+        age = time - seen.times[slot]
+        if not abs(age) <= STALE:
+            continue
+        ahead = min(max(age, -MOVED_ON), MOVED_ON)
+        for joint in range(JOINT_COUNT):
+            velocity = seen.velocities[slot, joint]
+            places[slot, joint] = seen.positions[slot, joint] + ahead * velocity
+            errors[slot, joint] = guess_error(math.sqrt((velocity * velocity).sum()), age)
+            states[slot, joint] = seen.states[slot, joint]
+
+
+@kernel
+def _set_anchors(time: float, places: Floats, seen: Seen) -> None:
+    """From here on each camera's joints are followed further."""
+    for slot in range(len(seen.times)):
+        here = abs(time - seen.times[slot]) <= STALE
+        for joint in range(JOINT_COUNT):
+            seen.steady[slot, joint] = here and seen.states[slot, joint] > 0
+        seen.anchors[slot] = places[slot]
 
 
 @kernel
@@ -121,6 +173,7 @@ def _means(
     states: Bytes,
     seen: Seen,
     lenses: Lenses,
+    m: Fused,
     moved: Floats,
     middle: Floats,
 ) -> int:
@@ -143,8 +196,8 @@ def _means(
         add(total, weight, on_body[slot, joint])
         middle[:] = on_body[slot, joint]  # bit for bit, if there is no other
         used += 1
-        if there and seen.felt[slot, joint] > 0:
-            moving[:] = place - seen.offsets[slot, joint]
+        if there and seen.steady[slot, joint] > 0:
+            moving[:] = m.positions[joint] + place - seen.anchors[slot, joint]
             add(before, weight, moving)
             felt += 1
         if state == 2 and abs(time - seen.times[slot]) > OLD:
@@ -160,59 +213,18 @@ def _means(
 
 
 @kernel
-def _move_on(time: float, seen: Seen, places: Floats, errors: Floats, states: Bytes) -> None:
-    """Where each camera's joints are at `time`, how wrong that may be, and their states."""
-    for slot in range(len(seen.times)):
-        age = time - seen.times[slot]
-        if not abs(age) <= STALE:
-            continue
-        ahead = min(max(age, -MOVED_ON), MOVED_ON)
-        for joint in range(JOINT_COUNT):
-            velocity = seen.velocities[slot, joint]
-            square = 0.0
-            for axis in range(3):
-                places[slot, joint, axis] = (
-                    seen.positions[slot, joint, axis] + ahead * velocity[axis]
-                )
-                square += velocity[axis] * velocity[axis]
-            errors[slot, joint] = guess_error(math.sqrt(square), age)
-            states[slot, joint] = seen.states[slot, joint]
-
-
-@kernel
 def _ease(joint: int, moved: Floats, middle: Floats, dt: float, m: Fused) -> None:
     """Let the joint go from where it moved towards where it belongs."""
     rest, speed = m.rest[joint], m.resting[joint]
-    start = np.zeros(3)
-    way, quick, step = 0.0, 0.0, 0.0
-    for axis in range(3):
-        rest[axis] = moved[axis] - middle[axis]
-        start[axis] = rest[axis]
-        way += rest[axis] * rest[axis]
-        quick = max(quick, abs(speed[axis]))
-    if way == 0.0 and quick == 0.0:
+    start = moved - middle
+    way, quick = math.sqrt((start * start).sum()), math.sqrt((speed * speed).sum())
+    if way < _NOTHING and quick < _NOTHING:
+        rest[:] = 0.0
+        speed[:] = 0.0
         return
-    ease_off(rest, speed, gentle(rate_of(EASE), math.sqrt(way), FASTEST), dt)
-    for axis in range(3):
-        step += (rest[axis] - start[axis]) ** 2
-    step = math.sqrt(step)
+    rest[:] = start
+    ease_off(rest, speed, gentle(rate_of(EASE), way, FASTEST), dt)
+    step = distance(rest, start)
     if step > FASTEST * dt:
-        slower = FASTEST * dt / step
-        for axis in range(3):
-            rest[axis] = start[axis] + slower * (rest[axis] - start[axis])
-            speed[axis] = (rest[axis] - start[axis]) / dt
-
-
-@kernel
-def _remember_offsets(time: float, seen: Seen, places: Floats, m: Fused) -> None:
-    """By how much each camera's joints lie beside the fused ones."""
-    for slot in range(len(seen.times)):
-        here = abs(time - seen.times[slot]) <= STALE
-        for joint in range(JOINT_COUNT):
-            known = here and seen.states[slot, joint] > 0 and m.states[joint] > 0
-            seen.felt[slot, joint] = known
-            if known:
-                for axis in range(3):
-                    seen.offsets[slot, joint, axis] = (
-                        places[slot, joint, axis] - m.positions[joint, axis]
-                    )
+        rest[:] = start + FASTEST * dt / step * (rest - start)
+        speed[:] = (rest - start) / dt

@@ -17,16 +17,16 @@ class Seen(NamedTuple):
     """What each camera saw last. Metres in the stage frame, seconds on the fused clock.
 
     positions, velocities (K, 20, 3). states (K, 20). times (K,), NaN where a camera does not see
-    the performer. offsets (K, 20, 3): by how much each lay beside the fused joint when that was
-    given last; felt (K, 20): whether that is known.
+    the performer. anchors (K, 20, 3): where joints were when the fused ones were given last, if
+    `steady` (K, 20) says that they have been seen since.
     """
 
     positions: Floats
     velocities: Floats
     states: Bytes
     times: Floats
-    offsets: Floats
-    felt: Bytes
+    anchors: Floats
+    steady: Bytes
 
 
 class Fused(NamedTuple):
@@ -61,12 +61,12 @@ class Lenses(NamedTuple):
 def unseen(slots: int) -> Seen:
     """No camera has seen the performer."""
     return Seen(
-        np.zeros((slots, JOINT_COUNT, 3)),
-        np.zeros((slots, JOINT_COUNT, 3)),
-        np.zeros((slots, JOINT_COUNT), np.uint8),
-        np.full(slots, np.nan),
-        np.zeros((slots, JOINT_COUNT, 3)),
-        np.zeros((slots, JOINT_COUNT), np.uint8),
+        positions=np.zeros((slots, JOINT_COUNT, 3)),
+        velocities=np.zeros((slots, JOINT_COUNT, 3)),
+        states=np.zeros((slots, JOINT_COUNT), np.uint8),
+        times=np.full(slots, np.nan),
+        anchors=np.zeros((slots, JOINT_COUNT, 3)),
+        steady=np.zeros((slots, JOINT_COUNT), np.uint8),
     )
 
 
@@ -89,15 +89,14 @@ def with_slots(seen: Seen, slots: int) -> Seen:
     more = unseen(slots)
     for slot in range(len(seen.times)):
         copy_slot(slot, seen, more)
-        more.felt[slot] = seen.felt[slot]
     return more
 
 
 def copy_slot(slot: int, source: Seen, target: Seen) -> None:
-    """Let `target` know what a camera saw; how that lies to what it made is another matter."""
+    """Let `target` know what a camera saw."""
     target.positions[slot] = source.positions[slot]
     target.velocities[slot] = source.velocities[slot]
     target.states[slot] = source.states[slot]
     target.times[slot] = source.times[slot]
-    target.offsets[slot] = source.offsets[slot]
-    target.felt[slot] = 0
+    target.anchors[slot] = source.anchors[slot]
+    target.steady[slot] = source.steady[slot]
