@@ -11,7 +11,10 @@ import numpy as np
 import pytest
 from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
+from typer.testing import CliRunner
 
+from puppet.cli import calibrate as _registered  # noqa: F401
+from puppet.cli.options import app
 from puppet.commands.calibrate import (
     calibrate_show,
     show_calibration,
@@ -192,7 +195,8 @@ def test_a_board_puts_two_cameras_on_one_stage(
     show_calibration(show)
     told = capsys.readouterr().out
     assert "a.mp4" in told
-    assert "0.90 m" in told
+    assert "0.90 m above the floor" in told
+    assert "in front" in told
 
 
 def test_no_board_is_told_and_nothing_is_saved(tmp_path: Path) -> None:
@@ -286,6 +290,21 @@ def test_undo_brings_back_what_was_there(
     undo_calibration(show)
     assert "webcam:7" in capsys.readouterr().err
     assert read_calibration(calibration_path(show)).camera("webcam:7") == row
+
+
+def test_the_command_line_asks_for_a_show_prints_a_board_and_shows_what_is_saved(
+    tmp_path: Path,
+) -> None:
+    run = CliRunner().invoke
+    with pytest.raises(BadShowError, match="which show"):
+        run(app, ["calibrate"], catch_exceptions=False)
+    board = tmp_path / "board.png"
+    assert run(app, ["calibrate", "--print-board", str(board), "--paper", "a4"]).exit_code == 0
+    assert board.exists()
+    show = write_show(tmp_path, Path("rehearsal"))
+    done = run(app, ["calibrate", str(show), "--show-saved"])
+    assert done.exit_code == 0
+    assert "nothing is calibrated" in done.output
 
 
 def test_a_board_to_print_does_not_replace_a_file(tmp_path: Path) -> None:

@@ -71,7 +71,7 @@ class CameraSteps:
         if found is None:
             return None
         shot, stage = found
-        self._guide.step(4, "result")
+        self._guide.step(3 if self._wishes.board else 4, "result")
         self._guide.say(f"floor: from {stage.floor}")
         self._guide.say(f"origin: {stage.origin}")
         self._guide.say(stage.quality)

@@ -59,7 +59,7 @@ class BoardPose:
         """One sentence for people."""
         return (
             f"{self.board.paper} board at {np.linalg.norm(self.shift):.2f} m, "
-            f"{self.error:.2f} px off, ±{1000 * self.shift_error:.0f} mm "
+            f"{self.error:.2f} px off, ±{1000 * self.shift_error:.1f} mm "
             f"±{math.degrees(self.turn_error):.1f}°"
         )
 
