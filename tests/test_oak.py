@@ -46,6 +46,19 @@ def assert_grows(shots: list[Shot]) -> None:
         assert shot.sequence < later.sequence
 
 
+def noted_waits(camera: OakCamera) -> list[float]:
+    """The pauses that the camera makes from here on."""
+    waits: list[float] = []
+    wait = camera._over.wait
+
+    def noted(timeout: float | None = None) -> bool:
+        waits.append(timeout or 0.0)
+        return wait(timeout)
+
+    camera._over.wait = noted  # type: ignore[method-assign]
+    return waits
+
+
 def test_shots_have_everything_that_the_device_knows() -> None:
     camera = camera_on(Bus(Script(shots=50)))
     assert camera.info.name == f"oak:{FIRST}"
@@ -130,14 +143,7 @@ def test_one_that_opens_and_gives_nothing_is_tried_with_growing_pauses() -> None
         pauses=(0.01, 0.02, 0.03, 0.04, 0.05),
         silence=0.02,
     )
-    waits: list[float] = []
-    wait = camera._over.wait
-
-    def noted(timeout: float | None = None) -> bool:
-        waits.append(timeout or 0.0)
-        return wait(timeout)
-
-    camera._over.wait = noted  # type: ignore[method-assign]
+    waits = noted_waits(camera)
     for _ in camera:
         if len(bus.opened) == 5:
             break
@@ -250,11 +256,23 @@ def test_a_device_that_boots_while_the_camera_is_closed_is_let_go() -> None:
 
 
 def test_what_is_done_with_a_shot_is_not_the_devices_silence() -> None:
-    bus = Bus(Script(shots=300, pace=0.01))
-    camera = camera_on(bus)
-    shots = iter(camera)
+    # Slower than one look for a shot, so that some looks find nothing.
+    bus = Bus(Script(shots=300, pace=0.15))
+    shots = iter(camera := camera_on(bus))
     next(shots)
     time.sleep(1.0)
-    next(shots)
+    for _ in range(3):
+        next(shots)
     camera.close()
     assert len(bus.opened) == 1
+
+
+def test_pauses_begin_anew_once_shots_came() -> None:
+    bus = Bus(Script(shots=5, then="unplug"))
+    camera = camera_on(bus)
+    waits = noted_waits(camera)
+    for _ in camera:
+        if len(bus.opened) >= 4:
+            break
+    camera.close()
+    assert waits == [0.01] * (len(bus.opened) - 1)
