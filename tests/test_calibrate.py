@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import cv2
@@ -35,17 +35,20 @@ from puppet.skeleton import Joint, Moment
 from puppet.tracking.annotate import draw_skeleton
 from puppet.tracking.annotate_stage import draw_floor, draw_stage
 from puppet.tracking.calibrated import saved_stance, use_calibration
+from puppet.tracking.camera import CameraInfo, Shot
 from puppet.tracking.intrinsics import Intrinsics
 from puppet.tracking.lens import LensWatch, measure_lens
 from puppet.tracking.level import Level
 from puppet.tracking.on_mark import OnMark
 from puppet.tracking.open import open_source
 from puppet.tracking.rehearsal import Rehearsal
-from puppet.tracking.stage_frame import StageFromCamera, joints_of
+from puppet.tracking.stage_frame import StageFromCamera, angle_between, joints_of
 from puppet.tracking.video_file import VideoFile
 from puppet.tracking.watcher import Watcher
 from tests.board_views import A4, LENS, LYING, camera_at, seen, view
 from tests.pose_models import clip_or_skip, models_or_skip
+from tests.test_floor_plane import LENS as DEPTH_LENS
+from tests.test_floor_plane import room
 
 REPOSITORY = Path(__file__).resolve().parents[1]
 
@@ -268,6 +271,38 @@ def test_a_recording_of_another_camera_is_levelled_as_if_there_were_no_calibrati
     assert isinstance(source, Watcher)
     assert source.floor == "a guess"
     source.close()
+
+
+class DepthCamera:
+    """An empty room, before a depth camera without an IMU."""
+
+    def __init__(self) -> None:
+        self.info = CameraInfo("depth", "oak", 30.0)
+        self.trouble = ""
+        self.warnings: tuple[str, ...] = ()
+
+    def __len__(self) -> int:
+        return 0
+
+    def __iter__(self) -> Iterator[Shot]:
+        image = np.zeros((200, 320, 3), np.uint8)
+        for i in range(60):
+            depth, _ = room(1.3, -0.4, 0.1, seed=i // 10)
+            yield Shot(i / 30.0, i, image, depth, DEPTH_LENS)
+
+    def close(self) -> None:
+        """Nothing to let go of."""
+
+
+def test_a_depth_camera_finds_its_floor_before_anybody_comes() -> None:
+    watcher = Watcher(DepthCamera(), models_or_skip())
+    assert watcher.floor == "nothing yet"
+    list(watcher)
+    assert watcher.floor == "depth"
+    _, up = room(1.3, -0.4, 0.1)
+    frame = watcher.level.stage_from_camera()
+    assert math.degrees(angle_between(frame.up, up)) < 0.5
+    assert frame.shift[1] == pytest.approx(1.3, abs=0.02)
 
 
 def test_what_has_no_camera_cannot_be_calibrated(tmp_path: Path) -> None:
