@@ -131,7 +131,7 @@ def test_time_only_runs_forward_at_about_the_rate_of_the_quickest(
     shuffle = np.random.default_rng(seed)
     arrivals = []
     for index, rate in enumerate(rates):
-        late = float(shuffle.uniform(0.01, 0.03))
+        late = float(shuffle.uniform(0.018, 0.022))
         arrivals += film(
             "x" * (index + 1), dancing(index), rate=rate, clock=clock * index, late=late,
             jitter=jitter * (index > 0), end=3.0,
@@ -495,10 +495,12 @@ def test_a_camera_that_comes_or_goes_moves_no_joint_faster_than_the_bound(
         moved = np.linalg.norm(joints[after] - joints[before], axis=-1)
         number = round(60.0 * times[after])
         # What is moved on by its velocity may go on for a while after the camera saw it move.
-        own = steps[max(0, number - 15) : number + 1].max(axis=0)
+        own = steps[max(0, number - 6) : number + 1].max(axis=0)
         dt = times[after] - times[before]
         frames = max(1.0, 60.0 * dt)
-        assert (moved <= 1.6 * frames * own + FASTEST * dt + 1e-9).all()
+        # Where directions count, two ways may add up to a little more than the longer one.
+        most = 1.25 if aware else 1.0
+        assert (moved <= most * frames * own + FASTEST * dt + 1e-9).all()
 
 
 def still(away: float, *lost: Joint) -> Callable[[float], Sequence[SkeletonFrame]]:
