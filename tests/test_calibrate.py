@@ -277,7 +277,7 @@ class DepthCamera:
     """An empty room, before a depth camera without an IMU."""
 
     def __init__(self) -> None:
-        self.info = CameraInfo("depth", "oak", 30.0)
+        self.info = CameraInfo("depth", "oak", 2.0)
         self.trouble = ""
         self.warnings: tuple[str, ...] = ()
 
@@ -286,9 +286,9 @@ class DepthCamera:
 
     def __iter__(self) -> Iterator[Shot]:
         image = np.zeros((200, 320, 3), np.uint8)
-        for i in range(60):
-            depth, _ = room(1.3, -0.4, 0.1, seed=i // 10)
-            yield Shot(i / 30.0, i, image, depth, DEPTH_LENS)
+        for i in range(6):
+            depth, _ = room(1.3, -0.4, 0.1, seed=i)
+            yield Shot(0.5 * i, i, image, depth, DEPTH_LENS)
 
     def close(self) -> None:
         """Nothing to let go of."""
