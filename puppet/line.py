@@ -73,6 +73,8 @@ class Line:
     ) -> None:
         self.puppets = tuple(puppets)
         self.parts = Parts(parts)
+        #: What performers who come from now on count from; None until they have stood still.
+        self.stance: Stance | None = None
         self._mirror = mirror
         self._conditioning = conditioning
         self._performers: dict[int, Performer] = {}
@@ -178,7 +180,9 @@ class Line:
         """Get to know who came in, and forget who left long ago."""
         for number in seen:
             if number not in self._performers:
-                self._performers[number] = Performer(number, self._conditioning)
+                # A captured stance is that of the room, not of its mirror image.
+                stance = None if self._mirror else self.stance
+                self._performers[number] = Performer(number, self._conditioning, stance)
         held = set(self.parts.holders.values())
         gone = [
             number

@@ -33,11 +33,17 @@ class PerformerTick:
 class Performer:
     """The memory of one performer. `number` is what the tracker calls them."""
 
-    def __init__(self, number: int, conditioning: ConditioningConfig | None = None) -> None:
+    def __init__(
+        self,
+        number: int,
+        conditioning: ConditioningConfig | None = None,
+        stance: Stance | None = None,
+    ) -> None:
+        """stance: the neutral one, if it was captured before the show."""
         self.number = number
         self.seen = 0.0  # capture time at which somebody was there last
         self.condition = Conditioner(conditioning)
-        self.neutral = NeutralStance()
+        self.neutral = NeutralStance(stance)
 
     def step(self, frame: SkeletonFrame | None, time: float, sequence: int) -> PerformerTick:
         """Take in what is seen of them, or None: then holding and easing go on."""

@@ -16,13 +16,16 @@ from puppet.cli import live
 from puppet.cli import files
 
 # isort: split
+from puppet.cli import calibrate
+
+# isort: split
 from puppet.cli import mapping
 
 # isort: split
 from puppet.cli.options import app, bench
 from puppet.errors import PuppetError
 
-__all__ = ["app", "files", "live", "main", "mapping"]
+__all__ = ["app", "calibrate", "files", "live", "main", "mapping"]
 
 app.add_typer(bench, name="bench")
 

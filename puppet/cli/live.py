@@ -124,3 +124,11 @@ def parts(
     from puppet.commands.parts import parts_live
 
     parts_live(show, part, port, give=give, release=release, reopen=reopen)
+
+
+@app.command()
+def cameras() -> None:
+    """List the cameras that are plugged in: webcams, and OAK depth cameras."""
+    from puppet.commands.cameras import list_cameras
+
+    list_cameras()

@@ -23,7 +23,7 @@ from puppet.render.context import headless_context
 from puppet.render.output import open_output
 from puppet.render.window import Window, display_available
 from puppet.show import BusConfig, Show, load_show
-from puppet.tracking.calibrated import use_calibration
+from puppet.tracking.calibrated import saved_stance, use_calibration
 from puppet.tracking.open import is_device, open_source
 
 
@@ -160,7 +160,8 @@ def stage_show(path: Path, port: int | None) -> None:
             from puppet.tracking.fusion import Fusion
 
             fusion = Fusion()
-        Stage(line, bus, cast.mappings, fusion).run(stop)
+            fusion.warm_up()
+        Stage(line, bus, cast.mappings, fusion, saved_stance(path)).run(stop)
 
 
 def view_show(

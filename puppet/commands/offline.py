@@ -24,7 +24,7 @@ from puppet.render.scene import PuppetOnStage
 from puppet.render.sheet import contact_sheet
 from puppet.render.staging import Staging
 from puppet.show import Show, load_show
-from puppet.tracking.calibrated import use_calibration
+from puppet.tracking.calibrated import saved_stance, use_calibration
 from puppet.tracking.open import open_source
 from puppet.tracking.source import Source
 
@@ -111,7 +111,8 @@ def render_show(
         oak=config.oak,
         warn=lambda text: _say(f"puppet render: {text}"),
     )
-    use_calibration(opened, path, lambda text: _say(f"puppet render: {text}"))
+    if use_calibration(opened, path, lambda text: _say(f"puppet render: {text}")):
+        studio.line.stance = saved_stance(path)
     ticks = _ticks(studio.line, opened, start, seconds)
     if is_sheet:
         _sheet(studio, ticks, output, sheet, times)

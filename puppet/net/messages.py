@@ -45,12 +45,16 @@ class SkeletonMessage(Message, tag="skeleton", frozen=True, kw_only=True):
     """Tracker → stage: everybody whom one camera or recording sees at one instant.
 
     source: name for people. camera: which of the show's sources this is, by its name there.
+    lens: where the camera's lens is on the calibrated stage, metres; None if it is not calibrated,
+        and the stage then is the camera's own. depth: whether it measures depth.
     stream_ns: when the tracker started; a newer stream of the same camera replaces an older.
     sent_ns: when this was published.
     """
 
     source: str
     camera: str = ""
+    lens: tuple[float, float, float] | None = None
+    depth: bool = False
     synthetic: bool
     stream_ns: int
     sent_ns: int
@@ -68,10 +72,14 @@ class SkeletonMessage(Message, tag="skeleton", frozen=True, kw_only=True):
         stream_ns: int,
         sent_ns: int,
         camera: str = "",
+        lens: tuple[float, float, float] | None = None,
+        depth: bool = False,
     ) -> SkeletonMessage:
         return cls(
             source=source,
             camera=camera,
+            lens=lens,
+            depth=depth,
             synthetic=synthetic,
             stream_ns=stream_ns,
             sent_ns=sent_ns,

@@ -16,6 +16,7 @@ from puppet.errors import BadMessageError
 from puppet.line import Line, Tick
 from puppet.mapping.proposal import Proposal
 from puppet.mapping.service import MappingService
+from puppet.mapping.stance import Stance
 from puppet.net.bus import Bus
 from puppet.net.health import Health
 from puppet.net.mapping_endpoint import answer_mapping
@@ -37,6 +38,12 @@ class Fuses(Protocol):
         """Take in what a camera sees, heard at `arrived` (monotonic seconds)."""
         ...
 
+    def place_camera(
+        self, camera: str, position: tuple[float, float, float] | None, depth: bool = False
+    ) -> None:
+        """Where a camera's lens is on the stage, and whether it measures depth."""
+        ...
+
 
 class Stage:
     """Runs a line between the trackers' moments and the viewers' scenes."""
@@ -47,9 +54,11 @@ class Stage:
         bus: Bus,
         mappings: MappingService | None = None,
         fusion: Fuses | None = None,
+        stance: Stance | None = None,
     ) -> None:
         """`mappings`: who decides; None leaves every puppet as it is. `fusion`: makes one moment of
-        what several cameras see; None where there is one camera."""
+        what several cameras see; None where there is one camera. `stance`: the neutral one that was
+        captured on the calibrated stage."""
         self.line = line
         self._moments = bus.latest("skeleton/*")
         self._publish = bus.publisher("scene")
@@ -57,6 +66,8 @@ class Stage:
         self._show_conditioning = bus.publisher("conditioning")
         self._decode = Decoder(SkeletonMessage)
         self._fusion = fusion
+        self._stance = stance
+        self._lenses: dict[str, tuple[tuple[float, float, float] | None, bool]] = {}
         self._gates: dict[str, StreamGate] = {}
         self._gaps: dict[str, int] = {}
         self._clock = StageClock()
@@ -117,6 +128,7 @@ class Stage:
         self._source, self._synthetic = message.source, message.synthetic
         self._count_gap(message)
         self.health.counters["frames_in"] += 1
+        self._place(message)
         stream: object = message.stream_ns
         if self._fusion is not None and moment is not None:
             moment, stream = self._fusion.add(message.camera, moment, now), "fused"
@@ -128,6 +140,15 @@ class Stage:
         self.health.counters["frames_posed"] += 1
         self.health.state = "running" if moment.present else "nobody"
         self.health.gauges["tick_ms"] = 1000.0 * (time.monotonic() - now)
+
+    def _place(self, message: SkeletonMessage) -> None:
+        """Take note of where the camera stands; a captured stance holds on its own stage only."""
+        place = (message.lens, message.depth)
+        if self._lenses.get(message.camera) != place:
+            self._lenses[message.camera] = place
+            self.line.stance = None if message.lens is None else self._stance
+            if self._fusion is not None:
+                self._fusion.place_camera(message.camera, message.lens, message.depth)
 
     def _take_over_changes(self) -> None:
         """Between two frames, so that no pose is half of one mapping and half of another."""

@@ -48,6 +48,8 @@ def run_track(source: Source, bus: Bus, stop: threading.Event, camera: str = "")
                 moment,
                 source=info.name,
                 camera=camera,
+                lens=source.lens if isinstance(source, Watchful) else None,
+                depth=isinstance(source, Watchful) and source.has_depth,
                 synthetic=info.synthetic,
                 stream_ns=stream_ns,
                 sent_ns=time.monotonic_ns(),
@@ -69,6 +71,8 @@ def _look(source: Source, health: Health) -> None:
     if health.state in ("running", "trouble"):
         health.state = "trouble" if trouble else "running"
     if isinstance(source, Watchful):
+        if not trouble:
+            health.note = f"{source.info.name}, floor: from {source.floor}"
         health.gauges.update(source.milliseconds)
         for event, count in source.events.items():
             health.counters[event] = count

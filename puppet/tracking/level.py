@@ -88,6 +88,11 @@ class Level:
         return np.asarray(self._sum / np.linalg.norm(self._sum))
 
     @property
+    def saved(self) -> bool:
+        """Whether it was known from a calibration."""
+        return self._saved is not None
+
+    @property
     def fixed(self) -> bool:
         """Whether there is nothing to learn."""
         return self._saved is not None or (self._known_up and self._known_floor)

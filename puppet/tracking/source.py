@@ -61,6 +61,21 @@ class Watchful(Protocol):
     """
 
     @property
+    def lens(self) -> tuple[float, float, float] | None:
+        """Where the lens is on the calibrated stage, metres; None if that is not known."""
+        ...
+
+    @property
+    def has_depth(self) -> bool:
+        """Whether its camera measures depth."""
+        ...
+
+    @property
+    def floor(self) -> str:
+        """What tells where the floor is, for people: "depth", "feet", "a saved calibration"."""
+        ...
+
+    @property
     def milliseconds(self) -> Mapping[str, float]: ...
 
     @property

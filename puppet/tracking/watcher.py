@@ -56,6 +56,7 @@ class Watcher:
         self._floor = floor
         self._calibration = calibration
         self._misfit = ""
+        self._has_depth = False
         self._level: Level | None = None
         about = camera.info
         self._info = SourceInfo(
@@ -103,6 +104,19 @@ class Watcher:
         return "nothing yet" if self._level is None else self._level.origin
 
     @property
+    def lens(self) -> tuple[float, float, float] | None:
+        """Where the lens is on the calibrated stage, metres; None if that is not known."""
+        if self._level is None or not self._level.saved:
+            return None
+        x, y, z = self._level.stage_from_camera().shift.tolist()
+        return x, y, z
+
+    @property
+    def has_depth(self) -> bool:
+        """Whether the last shot had depth."""
+        return self._has_depth
+
+    @property
     def milliseconds(self) -> dict[str, float]:
         """What each stage takes, on average over the last moments."""
         return self._stopwatch.milliseconds
@@ -134,6 +148,7 @@ class Watcher:
         self._stopwatch.start()
         for shot in map(self._with_lens, self.camera):
             self._stopwatch.lap("camera_ms")
+            self._has_depth = shot.depth is not None
             if self._level is None:
                 self._level, self._floor_watch = self._first_level(shot), FloorWatch()
             if not self._level.fixed and self._floor_watch.look(shot, *self._level.about_up):
