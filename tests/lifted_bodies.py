@@ -7,6 +7,7 @@ import numpy as np
 from puppet.kernel import Floats
 from puppet.tracking.blazepose import LANDMARK_COUNT, Landmarks, Region
 from puppet.tracking.camera import Depth, Shot
+from puppet.tracking.depth_probe import INSETS
 from puppet.tracking.intrinsics import Intrinsics
 
 WIDTH, HEIGHT = 1280, 720
@@ -80,11 +81,13 @@ def camera_axes(world: Floats, place: tuple[float, float, float]) -> Floats:
 
 
 def depth_of(at: Floats, wall: float = 6.0, reach: int = 5) -> Depth:
-    """A depth image, a quarter of the size, with a patch 5 cm before each point; a wall behind."""
+    """A depth image, a quarter of the size, with a patch of skin before each of the 33 points, as
+    far before it as an adult's; a wall behind."""
     image = np.full((HEIGHT // 4, WIDTH // 4), round(1000 * wall), np.uint16)
     points = (LENS.pixels(at) + 0.5) / 4.0 - 0.5
-    for (x, y), z in sorted(zip(points.tolist(), at[:, 2], strict=True), key=lambda p: -p[1]):
+    skin = at[:, 2] - INSETS
+    for (x, y), z in sorted(zip(points.tolist(), skin, strict=True), key=lambda p: -p[1]):
         row, column = round(y), round(x)
         top, left = max(row - reach, 0), max(column - reach, 0)
-        image[top : row + reach + 1, left : column + reach + 1] = round(1000 * (z - 0.05))
+        image[top : row + reach + 1, left : column + reach + 1] = round(1000 * z)
     return image

@@ -13,7 +13,7 @@ from puppet.tracking.body import Body
 from puppet.tracking.camera import Shot
 from puppet.tracking.condition import Conditioner
 from puppet.tracking.seated import USUAL_TRUNK
-from tests.lifted_bodies import camera_axes, landmarks, shot, standing_body
+from tests.lifted_bodies import LENS, camera_axes, depth_of, landmarks, shot, standing_body
 
 BODY, PLACE = standing_body(), (0.2, 0.0, 3.0)
 LEGS = [joint for joint in Joint if joint.name.split("_")[0] in ("KNEE", "ANKLE", "FOOT")]
@@ -103,3 +103,40 @@ def test_who_stands_is_seen_whole_in_seated_mode_but_for_the_legs() -> None:
     assert (states[HIPS] == TrackingState.TRACKED).all()
     assert (states[LEGS] == TrackingState.NOT_TRACKED).all()
     np.testing.assert_allclose(positions[Joint.HIP_LEFT], camera_axes(BODY, PLACE)[23], atol=0.02)
+
+
+def test_an_outstretched_arm_goes_where_depth_sees_it() -> None:
+    """The network often takes what points at the camera for hanging down before the body."""
+    truth = BODY + PLACE
+    truth[[13, 15, 17, 19, 21], 2] -= [0.10, 0.22, 0.24, 0.24, 0.24]
+    seen = replace(landmarks(BODY, PLACE), pixels=LENS.pixels(truth))
+    z = {}
+    for name, depth in (("plain", None), ("deep", depth_of(truth))):
+        body = Body()
+        for index in range(30):
+            positions, _ = body.joints(seen, shot(index / 30, depth), never)
+        z[name] = float(positions[Joint.WRIST_LEFT, 2])
+    assert abs(z["deep"] + truth[15, 2]) < 0.06
+    assert abs(z["plain"] + truth[15, 2]) > 0.15
+
+
+def test_a_wall_beside_a_thin_arm_is_not_taken_for_it() -> None:
+    """Landmarks lie a little beside what they mean, and there depth sees the wall."""
+    depth = depth_of(BODY + PLACE, wall=4.2)
+    depth[:, round((LENS.pixels((BODY + PLACE)[[13]])[0, 0] - 8) / 4) :] = 4200
+    body = Body()
+    for index in range(30):
+        positions, _ = body.joints(landmarks(BODY, PLACE), shot(index / 30, depth), never)
+    truth = camera_axes(BODY, PLACE)
+    np.testing.assert_allclose(positions[Joint.WRIST_LEFT], truth[15], atol=0.05)
+
+
+@pytest.mark.parametrize("step", [1.0, 1 / 30, 1 / 240])
+def test_depth_that_comes_and_goes_moves_nothing_by_more_than_it_knows_better(step: float) -> None:
+    body, depth = Body(), depth_of(BODY + PLACE)
+    truth = camera_axes(BODY, PLACE)
+    for index in range(60):
+        now = shot(index * step, depth if index // 7 % 2 else None)
+        positions, states = body.joints(landmarks(BODY, PLACE), now, never)
+        assert (states == TrackingState.TRACKED).all()
+        assert np.abs(positions[Joint.HAND_LEFT] - truth[[17, 19]].mean(axis=0)).max() < 0.05

@@ -45,7 +45,8 @@ def test_the_lengths_of_a_steady_body_are_learned_and_change_nothing() -> None:
     assert lengths.learned
     for index, positions in enumerate(PERFORMED[300:600:20]):
         held = lengths(positions, ALL, 20.0 + index)
-        assert np.linalg.norm(held - positions, axis=1).max() < 0.03
+        # The rehearsal's figure is not quite usual, and what is usual counts a little.
+        assert np.linalg.norm(held - positions, axis=1).max() < 0.05
     np.testing.assert_allclose(lengths.lengths, lengths.lengths[list(OTHER_SIDE)])
 
 
@@ -67,16 +68,18 @@ def test_wrong_guesses_of_distance_come_nearer_to_the_truth(seed: int, index: in
     )
 
 
-def test_trembling_along_the_line_of_sight_is_not_made_worse() -> None:
-    """Also not by bones that lie across it, whose length says nothing of their distance."""
+@pytest.mark.parametrize(("rate", "most"), [(1.0, 1.2), (30.0, 0.75), (240.0, 0.75)])
+def test_trembling_along_the_line_of_sight_is_not_made_worse(rate: float, most: float) -> None:
+    """Also not by bones that lie across it, whose length says nothing of their distance; unless
+    nothing is known of the last half second."""
     lengths, rng = taught(), np.random.default_rng(0)
     truth, off, before = PERFORMED[0], [], []
     for index in range(100):
         guess = along_sight(truth, rng.normal(0.0, 0.03, JOINT_COUNT))
-        held = lengths(guess, ALL, 30.0 + index)
+        held = lengths(guess, ALL, 30.0 + index / rate)
         off.append(held - held[0] - (truth - truth[0]))
         before.append(guess - guess[0] - (truth - truth[0]))
-    assert np.std(off) < 1.05 * np.std(before)
+    assert np.std(off, axis=0).mean() < most * np.std(before, axis=0).mean()
 
 
 def test_a_joint_that_is_not_seen_keeps_its_direction_and_gets_its_length() -> None:

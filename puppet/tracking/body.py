@@ -50,7 +50,9 @@ class Body:
         lifted = self._lift(seen, shot, lens)
         states = self._states(seen, lifted.hidden, (width, height), shot.time)
         positions, states = self._leaps.held_back(lifted.positions, states, shot.time)
-        positions = self._lengths(positions, states, shot.time, self._lift.size)
+        positions = self._lengths(
+            positions, states, shot.time, size=self._lift.size, measured=lifted.measured
+        )
         if self._seated:
             lengths = self._lengths.lengths * self._lift.size
             positions, states = seated(positions, states, _up(shot), lengths)

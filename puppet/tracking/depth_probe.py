@@ -11,13 +11,19 @@ from typing import Final
 
 import numpy as np
 
-from puppet.kernel import Floats, kernel
+from puppet.kernel import Floats, frozen, kernel
 from puppet.tracking.camera import Depth, Image
 
-#: Metres from the skin to the joint inside.
-INSET: Final = 0.05
+#: Metres from the skin to the joint inside, of an adult: ears to the middle of the head, shoulders,
+#: elbows, wrists, hands, hips, knees, ankles and feet.
+INSETS: Final = frozen(
+    [*[0.07] * 11, *[0.07] * 2, *[0.04] * 2, *[0.03] * 2, *[0.02] * 6]
+    + [*[0.11] * 2, *[0.06] * 2, *[0.04] * 2, *[0.03] * 4]
+)
 #: Metres between which a measurement can be somebody.
 NEAREST, FARTHEST = 0.3, 12.0
+#: Nobody is flat to so many metres: then the sensor is stuck.
+FLAT: Final = 0.02
 #: The window's half side, as a part of the region's; and the least, pixels of the depth image.
 REACH: Final = 0.012
 LEAST_REACH: Final = 2
@@ -50,10 +56,10 @@ def _probe(
 
 
 def depths_at(depth: Depth, colour: Image, pixels: Floats, side: float) -> Floats:
-    """(N,) metres along the lens's axis to what is inside of the skin at each landmark; NaN if
+    """(33,) metres along the lens's axis to what is inside of the skin at each landmark; NaN if
     that is not known.
 
-    pixels: (N, 2) in the colour image, of the same view as the depth. side: of the performer's
+    pixels: (33, 2) in the colour image, of the same view as the depth. side: of the performer's
     region, pixels of the colour image.
     """
     out = np.empty(len(pixels))
@@ -61,4 +67,6 @@ def depths_at(depth: Depth, colour: Image, pixels: Floats, side: float) -> Float
     reach = max(LEAST_REACH, round(REACH * side * factor))
     points = (pixels + 0.5) * factor - 0.5
     _probe(np.ascontiguousarray(depth), points, min(reach, 40), NEAREST, FARTHEST, out)
-    return out + INSET
+    if not np.isfinite(out).any() or np.nanmax(out) - np.nanmin(out) < FLAT:
+        out[:] = np.nan
+    return np.asarray(out + INSETS)

@@ -19,6 +19,7 @@ from puppet.rotation import rotate, swing
 from puppet.skeleton import JOINT_COUNT, Joint
 from puppet.tracking.blazepose import LANDMARK_COUNT, Landmarks
 from puppet.tracking.camera import Shot
+from puppet.tracking.depth_fit import VISIBLE, DepthFit
 from puppet.tracking.depth_probe import depths_at
 from puppet.tracking.intrinsics import Intrinsics
 
@@ -29,21 +30,9 @@ NEAREST: Final = 0.2
 #: How far away a body is, is the one thing that a single image tells badly: its half-life, s.
 DISTANCE_HALF_LIFE: Final = 0.08
 
-#: Visibility from which depth is looked up at a landmark.
-VISIBLE: Final = 0.5
-#: Metres by which depth may differ from the body's shape to correct it, how far it is believed
-#: then, and how much nearer it is when something stands before the landmark.
-FITS: Final = 0.25
-BELIEF: Final = 0.7
+#: Metres by which depth is nearer than the body's shape when something stands before a landmark.
 HIDDEN: Final = 0.35
-#: How many times smaller or larger than the network's idea of a person somebody can be.
-SMALLEST, LARGEST = 0.4, 1.7
-#: Seconds over which a performer's size is averaged.
-SIZE_MEMORY: Final = 3.0
-
 _AHEAD: Final = frozen([0.0, 0.0, 1.0])
-#: Half-life of the body's shape along the line of sight, s.
-SHAPE_HALF_LIFE: Final = 0.03
 
 _EARS = (7, 8)
 _HIPS, _SHOULDERS = (23, 24), (11, 12)
@@ -92,13 +81,22 @@ def joints_of(landmarks: Floats) -> Floats:
     return np.asarray(_WEIGHTS @ landmarks)
 
 
+def joint_depths(landmarks: Floats) -> Floats:
+    """(33,) depths of landmarks -> (20,) of joints; NaN where one of its landmarks' is."""
+    known = np.isfinite(landmarks)
+    depths = _WEIGHTS @ np.where(known, landmarks, 0.0)
+    return np.where((DEPENDS & ~known).any(axis=1), np.nan, depths)
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Lifted:
     """positions: (20, 3) metres from the lens; x to the right in the image, y up in it, z from the
-    scene to the camera. hidden: (33,) landmarks before which something stands, as depth says."""
+    scene to the camera. hidden: (33,) landmarks before which something stands, as depth says.
+    measured: (20,) the joints' z as depth says, metres; NaN where it says nothing."""
 
     positions: Floats
     hidden: NDArray[np.bool_]
+    measured: Floats
 
 
 class Lift:
@@ -107,11 +105,12 @@ class Lift:
     def __init__(self) -> None:
         self._distance: float | None = None
         self._time = 0.0
-        self._deep: Floats | None = None
-        #: How many times larger the performer is than the network takes them for; 1 until depth
-        #: has said something. It is theirs, and stays when depth is gone.
-        self.size = 1.0
-        self._sized = 0.0
+        self._fit = DepthFit()
+
+    @property
+    def size(self) -> float:
+        """How many times larger the performer is than the network takes them for."""
+        return self._fit.size
 
     def __call__(self, landmarks: Landmarks, shot: Shot, lens: Intrinsics) -> Lifted:
         """One performer's joints in a shot, through that lens."""
@@ -120,58 +119,27 @@ class Lift:
         inside = (landmarks.pixels >= -0.5) & (landmarks.pixels <= (width - 0.5, height - 0.5))
         visibility = np.where(inside.all(axis=1), landmarks.visibility, 0.0)
         world = facing_sight(landmarks.world, lens.rays(landmarks.region.centre[None])[0])
-        world[:, 2] = self._steadied(world[:, 2], shot.time)
         distance = distance_of(world, rays, visibility)
         measured = None
         if shot.depth is not None:
             measured = depths_at(shot.depth, shot.colour, landmarks.pixels, landmarks.region.side)
-            away = self._measure(measured, world[:, 2], distance, visibility, shot.time)
+            away = self._fit.away(measured, world[:, 2], distance, visibility, shot.time)
             if away is None:
-                measured = None  # it fits nobody of any size: as if there were none
+                measured = None  # as if there were none
             else:
                 distance = away / self.size
         distance = self._smoothed(distance * self.size, shot.time)
         body = world * self.size
         hidden = np.zeros(LANDMARK_COUNT, bool)
+        deep = np.full(JOINT_COUNT, np.nan)
         if measured is not None:
-            off = measured - (body[:, 2] + distance)
-            hidden = np.nan_to_num(off, nan=0.0) < -HIDDEN
-            near = (np.abs(np.nan_to_num(off, nan=9.0)) < FITS) & (visibility > VISIBLE)
-            body[near, 2] += BELIEF * off[near]
+            off = np.nan_to_num(measured - (body[:, 2] + distance), nan=0.0)
+            hidden = off < -HIDDEN
             visibility = np.where(hidden, 0.0, visibility)
+            measured[visibility < VISIBLE] = np.nan
+            deep = -joint_depths(measured)
         points = joints_of(lifted(body, rays, visibility, distance))
-        return Lifted(points * (1.0, -1.0, -1.0), hidden)
-
-    def _measure(
-        self, measured: Floats, z: Floats, distance: float, visibility: Floats, time: float
-    ) -> float | None:
-        """Metres to the hips as the trunk's depth says, and learn the performer's size from it.
-
-        None if depth does not tell, or says what cannot be.
-        """
-        trunk = [*_HIPS, *_SHOULDERS]
-        known = [i for i in trunk if visibility[i] > VISIBLE and np.isfinite(measured[i])]
-        if len(known) < 2:
-            return None
-        # What is seen under the same angle is as much larger as it is farther away.
-        ratio = float(np.median(measured[known] / (z[known] + distance)))
-        if not SMALLEST <= ratio <= LARGEST:
-            return None
-        if self._sized <= 0.0:
-            self.size = ratio
-        self._sized += min(max(time - self._time, 1.0 / 60.0), 0.1)
-        # The mean of all that was seen at first; later, of the last while.
-        share = 1.0 / 60.0 / min(self._sized, SIZE_MEMORY)
-        self.size += min(share, 1.0) * (ratio - self.size)
-        return float(np.median(measured[known] - self.size * z[known]))
-
-    def _steadied(self, deep: Floats, time: float) -> Floats:
-        """How far along the line of sight landmarks are is a guess, and trembles as such."""
-        if self._deep is not None:
-            keep = 0.5 ** (max(time - self._time, 0.0) / SHAPE_HALF_LIFE)
-            deep = deep + keep * (self._deep - deep)
-        self._deep = deep
-        return deep
+        return Lifted(points * (1.0, -1.0, -1.0), hidden, deep)
 
     def _smoothed(self, distance: float, time: float) -> float:
         if self._distance is not None:
