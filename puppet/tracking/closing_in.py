@@ -17,9 +17,9 @@ import numpy as np
 from puppet.kernel import Floats, Ints, frozen, kernel
 from puppet.rotation import exp, log, rotate, swing
 from puppet.skeleton import Joint
-from puppet.tracking.follow import length_of
 from puppet.tracking.heading import between, heading_by, yawed
-from puppet.tracking.memory import BELIEVED, FOUND, LOST, Memory
+from puppet.tracking.memory import BELIEVED, DOUBTED, FOUND, LOST, Memory
+from puppet.tracking.rows import length_of, put, scale
 from puppet.tracking.spring import damped, ease_off, gentle
 
 #: Bounds for what closes in, on top of what the performer does: what hangs on nothing, and so the
@@ -32,9 +32,8 @@ CLOSING_TURN: Final = math.radians(300.0)
 ROOT_SPEED: Final = 5.0
 BONE_SPEED: Final = 8.0
 BODY_SPEED: Final = 12.0
-#: With less influence than this nothing is felt: it may go anywhere at once. And so little is none.
+#: With less influence than this nothing is felt: it may go anywhere at once.
 UNFELT: Final = 0.01
-NONE: Final = 1e-3
 #: What is lost turns with the body, but at most so fast, rad/s.
 _CARRIED_TURN: Final = math.radians(720.0)
 _TRUNK: Final[Ints] = frozen(
@@ -48,8 +47,11 @@ _CARRIERS: Final[Ints] = frozen(
 
 
 @kernel
-def close_in(dt: float, parents: Ints, regain: float, m: Memory) -> None:
-    """Bring what is shown up to date. regain: rate of closing in where no bound makes it slower."""
+def close_in(predicted_before: Floats, dt: float, parents: Ints, regain: float, m: Memory) -> None:
+    """Bring what is shown up to date. predicted_before: (20, 3), `predicted` of the frame before.
+
+    regain: rate of closing in where no bound makes it slower.
+    """
     before = m.shown.copy()
     felt = _felt(parents, m)
     hips = m.status[12] >= BELIEVED and m.status[16] >= BELIEVED
@@ -69,18 +71,25 @@ def close_in(dt: float, parents: Ints, regain: float, m: Memory) -> None:
         visible = felt[joint] > UNFELT
         if parent < 0:
             _shift(joint, before, anew[joint], visible, regain, dt, m)
-            wanted[joint] = m.predicted[joint] + m.shift[joint]
+            put(wanted, joint, m.predicted[joint] + m.shift[joint])
+        elif m.status[joint] == DOUBTED:
+            put(wanted, joint, wanted[parent] + before[joint] - before[parent])
+        elif m.status[parent] == DOUBTED:
+            # A bone to where its parent cannot be has no direction: its end just goes on.
+            step = yawed(m.predicted[joint] - predicted_before[joint], m.yaw[0])
+            put(wanted, joint, before[joint] + step)
+            anew[joint] = True
         else:
             bone = yawed(m.predicted[joint] - m.predicted[parent], m.yaw[0])
             if anew[joint] or anew[parent] or turned:
                 old = before[joint] - before[parent]
-                _bend(joint, bone, old, anew[joint], visible, regain, m)
+                _bend(joint, bone, old, visible, regain, m)
             ease_off(m.turn[joint], m.turning[joint], m.rate[joint], dt)
             m.stretch[joint, 0], m.stretch[joint, 1] = damped(
                 m.stretch[joint, 0], m.stretch[joint, 1], 0.0, m.rate[joint], dt
             )
             longer = math.exp(m.stretch[joint, 0])
-            wanted[joint] = wanted[parent] + rotate(exp(m.turn[joint]), bone) * longer
+            put(wanted, joint, wanted[parent] + rotate(exp(m.turn[joint]), bone) * longer)
     _hold(before, wanted, hips, shoulders, dt, parents, m)
     _bound(before, wanted, dt, parents, m)
 
@@ -116,26 +125,23 @@ def _shift(
     joint: int, before: Floats, anew: bool, visible: bool, regain: float, dt: float, m: Memory
 ) -> None:
     if anew:
-        m.shifting[joint] = 0.0
-        m.shift[joint] = before[joint] - m.predicted[joint]
+        scale(m.shifting, joint, 0.0)
+        put(m.shift, joint, before[joint] - m.predicted[joint])
         if not visible:
-            m.shift[joint] = 0.0
+            scale(m.shift, joint, 0.0)
         m.rate[joint] = gentle(regain, length_of(m.shift[joint]), CLOSING_SPEED)
     ease_off(m.shift[joint], m.shifting[joint], m.rate[joint], dt)
 
 
 @kernel
-def _bend(
-    joint: int, bone: Floats, old: Floats, anew: bool, visible: bool, regain: float, m: Memory
-) -> None:
+def _bend(joint: int, bone: Floats, old: Floats, visible: bool, regain: float, m: Memory) -> None:
     """Turn and stretch a bone so that it is shown as it was."""
-    if anew:
-        m.turning[joint] = 0.0
-        m.stretch[joint, 1] = 0.0
-    m.turn[joint] = 0.0
+    scale(m.turn, joint, 0.0)
+    scale(m.turning, joint, 0.0)
     m.stretch[joint, 0] = 0.0
+    m.stretch[joint, 1] = 0.0
     if visible:
-        m.turn[joint] = log(swing(bone, old))
+        put(m.turn, joint, log(swing(bone, old)))
         short, long = max(length_of(bone), 1e-3), max(length_of(old), 1e-3)
         m.stretch[joint, 0] = math.log(long / short)
     m.rate[joint] = gentle(regain, length_of(m.turn[joint]), CLOSING_TURN)
@@ -164,7 +170,7 @@ def _hold(
                     carrier = other
                     break
         if carrier >= 0:
-            wanted[joint] = wanted[carrier] + yawed(before[joint] - before[carrier], turn)
+            put(wanted, joint, wanted[carrier] + yawed(before[joint] - before[carrier], turn))
 
 
 @kernel
@@ -181,7 +187,7 @@ def _bound(before: Floats, wanted: Floats, dt: float, parents: Ints, m: Memory) 
             # Both at once: where two balls meet, going to the nearest point of the one that holds
             # the centre of the other leaves neither.
             step = carried + _shortened(step - carried, BODY_SPEED * dt)
-        m.shown[joint] = before[joint] + step
+        put(m.shown, joint, before[joint] + step)
 
 
 @kernel

@@ -21,7 +21,7 @@ from puppet.kernel import Bytes, Floats, Ints, frozen, kernel
 from puppet.mapping.stance import UPRIGHT, Stance
 from puppet.show import ConditioningConfig
 from puppet.skeleton import JOINT_COUNT, JOINT_PARENTS, Joint, SkeletonFrame
-from puppet.tracking.closing_in import NONE, close_in
+from puppet.tracking.closing_in import UNFELT, close_in
 from puppet.tracking.conditioning_steps import ConditioningSteps
 from puppet.tracking.follow import follow
 from puppet.tracking.heading import between, heading_by, yawed
@@ -52,8 +52,9 @@ def _step(
     m: Memory,
 ) -> None:
     """Advance all joints by `dt`. knobs: those of `follow`, then hold, fade, regain (rates)."""
+    predicted_before = m.predicted.copy()
     follow(positions, states, dt, parents, slower, knobs, by_holt, holt, m)
-    close_in(dt, parents, knobs[8], m)
+    close_in(predicted_before, dt, parents, knobs[8], m)
     weigh(dt, knobs[6], knobs[7], knobs[8], m)
 
 
@@ -103,28 +104,15 @@ class Conditioner:
         """
         dt = 0.0 if self._time is None else frame.time - self._time
         self._last = frame
-        if self._asleep:
+        states = frame.states
+        if self._time is None or dt > 1e-6:
             self._time = frame.time
-            if (frame.states[_NEEDED] > 0).all():
+            if self._asleep and (states[_NEEDED] > 0).all():
                 self._wake(frame)
-        elif dt > 1e-6:
-            self._time = frame.time
-            memory = self._memory
-            memory.gap[0] = dt > _LONGEST_STEP
-            _step(
-                np.ascontiguousarray(frame.positions),
-                frame.states,
-                min(dt, _LONGEST_STEP),
-                _PARENTS,
-                self._slower,
-                self._knobs,
-                self._by_holt,
-                self._holt,
-                memory,
-            )
-            if not (memory.influence[:, 0] >= NONE).any() and (memory.status == LOST).all():
-                self._asleep = True
-                memory.influence[:] = 0.0
+            else:
+                if self._asleep:
+                    states = np.zeros_like(states)  # what else comes in first is nobody
+                self._advance(frame.positions, states, dt)
         return SkeletonFrame(
             frame.time,
             frame.sequence,
@@ -133,6 +121,22 @@ class Conditioner:
             np.zeros_like(frame.states) if self._asleep else frame.states,
             self._memory.influence[:, 0].copy(),
         )
+
+    def _advance(self, positions: Floats, states: Bytes, dt: float) -> None:
+        m = self._memory
+        m.gap[0] = dt > _LONGEST_STEP
+        _step(
+            np.array(positions),  # a copy may be written to, so that there is one signature
+            np.array(states),
+            min(dt, _LONGEST_STEP),
+            _PARENTS,
+            self._slower,
+            self._knobs,
+            self._by_holt,
+            self._holt,
+            m,
+        )
+        self._asleep = bool((m.status == LOST).all() and (m.influence[:, 0] < UNFELT).all())
 
     @property
     def steps(self) -> ConditioningSteps | None:
@@ -156,9 +160,9 @@ class Conditioner:
         """Somebody is there. The puppet rests until now: they take over from there gradually."""
         self._asleep = False
         m = self._memory
-        home = m.home.copy()
         for array in m:
-            array[...] = 0
+            if array is not m.influence and array is not m.home:
+                array[...] = 0
         seen = frame.states > 0
         m.shown[:] = _completed(frame.positions, seen)
         for array in (m.believed, m.filtered, m.ahead, m.predicted):
@@ -169,9 +173,7 @@ class Conditioner:
         m.times[:] = 1
         m.hung[:] = -2  # all of it anew, and nothing of it felt
         m.framed[0] = 1
-        if self._met:
-            m.home[:] = home
-        else:
+        if not self._met:
             m.home[:3] = m.shown[Joint.HIP_CENTER]
             m.home[3] = heading_by(m.shown, True, True)
             self._met = True

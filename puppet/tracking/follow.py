@@ -7,7 +7,6 @@ stays whole.
 
 from __future__ import annotations
 
-import math
 from typing import Final
 
 import numpy as np
@@ -17,6 +16,7 @@ from puppet.tracking.holt import holt
 from puppet.tracking.memory import BELIEVED, DOUBTED, FOUND, LOST, Memory
 from puppet.tracking.one_euro import blend, one_euro
 from puppet.tracking.prediction import bounded, lead_on
+from puppet.tracking.rows import add, length_of, put, scale
 
 #: On its anchor no joint goes faster than this, m/s, but for so many metres of noise; and none that
 #: has no anchor. The fastest honest ones in our recordings: 7.2 m/s, an ankle on its knee in a
@@ -35,11 +35,6 @@ JUST_FOUND: Final = 0.5
 VELOCITY_HALF_LIFE: Final = 0.1
 #: How many times wider Holt's radii are for an inferred joint, as in the SDK.
 INFERRED_RADII: Final = 2.0
-
-
-@kernel
-def length_of(v: Floats) -> float:
-    return math.sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2])
 
 
 @kernel
@@ -67,7 +62,7 @@ def follow(
             m.status[joint] = LOST
             m.lost[joint] += dt
             m.trust[joint] = 0.0
-            m.velocity[joint] = 0.0
+            scale(m.velocity, joint, 0.0)
             continue
         anchor = parents[joint]
         # What is only inferred itself cannot choose, and stays with the body.
@@ -79,43 +74,48 @@ def follow(
         target = positions[joint] * 1.0
         fastest = FASTEST
         if anchor >= 0:
-            carried += m.filtered[anchor] - filtered_before[anchor]
-            target += m.filtered[anchor] - positions[anchor]
+            carried = carried + m.filtered[anchor] - filtered_before[anchor]
+            target = target + m.filtered[anchor] - positions[anchor]
             if unseen_before[anchor] == unseen_before[joint]:
-                step -= positions[anchor] - seen_before[anchor]
+                step = step - positions[anchor] + seen_before[anchor]
         elif parents[joint] >= 0:
             fastest = FASTEST_ALONE
         again = m.lost[joint] > 0.0 or m.gap[0] > 0
         possible = length_of(step) <= SLACK + fastest * m.unseen[joint]
         if not (again or possible or m.unseen[joint] > LONGEST_DOUBT):
             m.status[joint] = DOUBTED
-            m.filtered[joint] = carried
-            m.lead[joint] *= 1.0 - blend(VELOCITY_HALF_LIFE, dt)
+            put(m.filtered, joint, carried)
+            scale(m.lead, joint, 1.0 - blend(VELOCITY_HALF_LIFE, dt))
             _ahead(joint, anchor, carried, knobs[5], m)
             continue
-        doubted = m.status[joint] == DOUBTED
-        m.status[joint] = FOUND if again or doubted else BELIEVED
+        # With what is found all that hangs on it is filtered afresh, or its bone would be askew.
+        bearer = parents[joint]
+        while bearer >= 0 and m.status[bearer] == LOST:
+            bearer = parents[bearer]
+        afresh = m.status[joint] == DOUBTED or (bearer >= 0 and m.status[bearer] == FOUND)
+        m.status[joint] = FOUND if again or afresh else BELIEVED
         if again or m.unseen[joint] > LONGEST_GLITCH:
             m.trust[joint] = JUST_FOUND if states[joint] == 2 else 1.0 / knobs[2]
-            m.velocity[joint] = 0.0  # it was somewhere else meanwhile, which is no speed
+            scale(m.velocity, joint, 0.0)  # it was somewhere else meanwhile, which is no speed
         elif not by_holt:
             share = blend(VELOCITY_HALF_LIFE, m.unseen[joint])
-            m.velocity[joint] += (step / m.unseen[joint] - m.velocity[joint]) * share
+            scale(m.velocity, joint, 1.0 - share)
+            add(m.velocity, joint, step, share / m.unseen[joint])
         freedom = 1.0 if states[joint] == 2 else 1.0 / knobs[2]
         m.trust[joint] += (freedom - m.trust[joint]) * blend(knobs[3], dt)
         m.lost[joint] = 0.0
         m.unseen[joint] = 0.0
-        m.believed[joint] = positions[joint]
+        put(m.believed, joint, positions[joint])
         ahead = target
         trust = max(m.trust[joint], 0.1)
         if m.status[joint] == FOUND:
             # Where it is seen, at once: what eases the way there is `show`.
-            m.filtered[joint] = target
+            put(m.filtered, joint, target)
             m.times[joint] = 1
-            m.pace[joint] = 0.0
-            m.lead[joint] = 0.0
+            scale(m.pace, joint, 0.0)
+            scale(m.lead, joint, 0.0)
             if by_holt:
-                m.velocity[joint] = 0.0
+                scale(m.velocity, joint, 0.0)
         else:
             if by_holt:
                 ahead = np.empty(3)
@@ -127,7 +127,7 @@ def follow(
             else:
                 speed = length_of(m.velocity[joint])
                 share = one_euro(speed, trust, knobs[0], knobs[1], slower[joint], dt)
-                m.filtered[joint] = carried + (target - carried) * share
+                put(m.filtered, joint, carried + (target - carried) * share)
                 ahead = m.filtered[joint]
             velocity = (m.filtered[joint] - carried) / dt
             lead_on(velocity, m.pace[joint], m.lead[joint], knobs[4], dt)
@@ -137,9 +137,9 @@ def follow(
 @kernel
 def _ahead(joint: int, anchor: int, ahead: Floats, most: float, m: Memory) -> None:
     """Add up what is ahead of what is filtered, from the anchor outwards."""
+    put(m.ahead, joint, ahead)
     lead = m.lead[joint] * 1.0
-    m.ahead[joint] = ahead
     if anchor >= 0:
-        m.ahead[joint] += m.ahead[anchor] - m.filtered[anchor]
-        lead += m.predicted[anchor] - m.ahead[anchor]
-    m.predicted[joint] = m.ahead[joint] + bounded(lead, most)
+        add(m.ahead, joint, m.ahead[anchor] - m.filtered[anchor], 1.0)
+        lead = lead + m.predicted[anchor] - m.ahead[anchor]
+    put(m.predicted, joint, m.ahead[joint] + bounded(lead, most))

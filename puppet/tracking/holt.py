@@ -16,6 +16,7 @@ import numpy as np
 from puppet.kernel import Floats, kernel
 from puppet.show import HoltConfig, KinectConfig
 from puppet.tracking.one_euro import blend
+from puppet.tracking.rows import length_of
 
 #: The frames in which the Kinect counts, a second.
 KINECT_RATE: Final = 30.0
@@ -50,20 +51,24 @@ def holt(
     radius, deviation = knobs[3] * wide, knobs[4] * wide
     away = raw - before
     if count == 1:
-        level[:] = before + 0.5 * away
+        gain, coasting = 0.5, 0.0
     else:
-        length = math.sqrt(away[0] * away[0] + away[1] * away[1] + away[2] * away[2])
-        heard = 1.0
+        length = length_of(away)
+        half_life = knobs[0] / (trust * trust)
+        gain = blend(half_life, 1.0 / KINECT_RATE)
         if length <= radius and radius > 0.0:
-            heard = 1.0 - (1.0 - length / radius) ** (dt * KINECT_RATE)
-        share = blend(knobs[0] / (trust * trust), dt)
-        level[:] = before + away * (heard * share) + trend * (dt * (1.0 - share))
-    trend += ((level - before) / dt - trend) * blend(knobs[1], dt)
-    predicted[:] = level + trend * knobs[2]
-    away = predicted - raw
-    length = math.sqrt(away[0] * away[0] + away[1] * away[1] + away[2] * away[2])
+            gain *= length / radius
+        gain = 1.0 - (1.0 - gain) ** (dt * KINECT_RATE)
+        coasting = dt * (1.0 - blend(half_life, dt))
+    corrected = blend(knobs[1], dt)
+    for axis in range(3):
+        level[axis] = before[axis] + away[axis] * gain + trend[axis] * coasting
+        trend[axis] += ((level[axis] - before[axis]) / dt - trend[axis]) * corrected
+        predicted[axis] = level[axis] + trend[axis] * knobs[2]
+    length = length_of(predicted - raw)
     if length > deviation:
-        predicted[:] = raw + away * (deviation / length)
+        for axis in range(3):
+            predicted[axis] = raw[axis] + (predicted[axis] - raw[axis]) * (deviation / length)
 
 
 def half_life_of(kept: float) -> float:

@@ -12,9 +12,9 @@ from typing import Final
 from puppet.kernel import kernel
 from puppet.skeleton import Joint
 from puppet.tracking.closing_in import CLOSING_SPEED, CLOSING_TURN
-from puppet.tracking.follow import length_of
 from puppet.tracking.heading import between, heading_by
 from puppet.tracking.memory import DOUBTED, LOST, Memory
+from puppet.tracking.rows import length_of
 from puppet.tracking.spring import damped, gentle
 
 _HIP: Final = int(Joint.HIP_CENTER)
