@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
+from numpy.typing import NDArray
 
 from puppet.skeleton import Joint, TrackingState
 from puppet.tracking.blazepose import LANDMARK_COUNT
@@ -40,7 +41,7 @@ class Watch:
 
 def test_a_joint_is_tracked_late_and_inferred_early() -> None:
     watch = Watch()
-    seen = [watch.see(visibility=visibility) for visibility in (0.7, 0.9, 0.7, 0.5, 0.7, 0.9)]
+    seen = [watch.see(visibility=visibility) for visibility in (0.75, 0.9, 0.75, 0.65, 0.75, 0.9)]
     assert seen == [1, 2, 2, 1, 1, 2]
 
 
@@ -68,7 +69,7 @@ def test_no_state_gets_better_sooner_than_its_patience(values: list[float], rate
         now = int(states(seen, NOT_HIDDEN, (WIDTH, HEIGHT), index / rate)[Joint.SPINE])
         if index and now > before:
             assert index / rate - doubted >= PATIENCE - 1e-9
-        if value <= 0.6:
+        if value <= 0.7:
             doubted = index / rate
         before = now
 
@@ -106,3 +107,30 @@ def test_landmarks_that_are_no_numbers_are_not_there() -> None:
     pixels[LEFT_WRIST] = np.nan
     states = JointStates()(replace(FAR, pixels=pixels), NOT_HIDDEN, (WIDTH, HEIGHT), 0.0)
     assert states[Joint.WRIST_LEFT] == TrackingState.NOT_TRACKED
+
+
+def cut_off(part: float) -> NDArray[np.uint8]:
+    """The states of somebody of whom that part of their height is below the image."""
+    top, bottom = FAR.pixels[:, 1].min(), FAR.pixels[:, 1].max()
+    height = round(bottom - part * (bottom - top))
+    presence = np.where(FAR.pixels[:, 1] > height + 40, 0.1, 1.0)
+    seen = replace(FAR, presence=presence)
+    return JointStates()(seen, NOT_HIDDEN, (WIDTH, height), 0.0)
+
+
+LEGS = [joint for joint in Joint if joint.name.split("_")[0] in ("KNEE", "ANKLE", "FOOT")]
+TRUNK = [Joint.HIP_CENTER, Joint.SPINE, Joint.HIP_LEFT, Joint.HIP_RIGHT]
+
+
+def test_close_to_the_camera_hips_are_inferred_and_legs_are_not_there() -> None:
+    states = cut_off(0.62)
+    assert (states[TRUNK] == TrackingState.INFERRED).all()
+    assert (states[LEGS] == TrackingState.NOT_TRACKED).all()
+    assert (states[[Joint.SHOULDER_CENTER, Joint.SHOULDER_LEFT, Joint.HEAD]] == 2).all()
+
+
+def test_of_a_leg_beyond_the_border_the_knee_is_guessed_and_the_foot_is_not() -> None:
+    states = cut_off(0.40)
+    assert (states[TRUNK] == TrackingState.TRACKED).all()
+    assert (states[[Joint.KNEE_LEFT, Joint.KNEE_RIGHT]] == TrackingState.INFERRED).all()
+    assert (states[[Joint.FOOT_LEFT, Joint.ANKLE_RIGHT]] == TrackingState.NOT_TRACKED).all()

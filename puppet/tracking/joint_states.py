@@ -17,7 +17,7 @@ from puppet.tracking.blazepose import LANDMARK_COUNT, Landmarks
 from puppet.tracking.lift import DEPENDS
 
 #: Visibility from which a landmark is seen, and below which it is not any more.
-SEEN, UNSEEN = 0.8, 0.6
+SEEN, UNSEEN = 0.8, 0.7
 #: The same for being there at all: below it the network only guesses.
 THERE, GONE = 0.4, 0.2
 #: Parts of the image's shorter side: so far inside of the border a landmark must come to be seen
@@ -26,9 +26,14 @@ INSIDE: Final = 0.01
 #: So far outside it is not there, whatever the network makes of it, parts of the region's side.
 OUTSIDE: Final = 0.15
 #: Seconds for which a landmark must deserve a better state before it gets it.
-PATIENCE: Final = 0.06
+PATIENCE: Final = 0.1
 
 _NOSE, _EARS = 0, (7, 8)
+_SHOULDERS: Final = [11, 12]
+#: What each landmark of arms and legs hangs on, for those that hang on something.
+_FARTHER: Final = [*range(13, 23), *range(25, 33)]
+_NEARER: Final = [11, 12, 13, 14, 15, 16, 15, 16, 15, 16, 23, 24, 25, 26, 27, 28, 27, 28]
+_TRUNK: Final = [Joint.HIP_CENTER, Joint.SPINE, Joint.HIP_LEFT, Joint.HIP_RIGHT]
 
 
 class JointStates:
@@ -75,6 +80,9 @@ class JointStates:
         self._seen = visibility > np.where(self._seen, UNSEEN, SEEN)
         self._there = landmarks.presence > np.where(self._there, GONE, THERE)
         self._there &= margin > -OUTSIDE * landmarks.region.side
+        # A hand beyond the border can be guessed from its arm, but not if the elbow is there, too.
+        outside = margin < 0.0
+        self._there[_FARTHER] &= ~(outside[_FARTHER] & outside[_NEARER])
         states: NDArray[Any] = np.where(
             self._there,
             np.where(self._seen, TrackingState.TRACKED, TrackingState.INFERRED),
@@ -88,4 +96,9 @@ def _joints(landmarks: NDArray[np.uint8]) -> NDArray[np.uint8]:
     states: NDArray[Any] = np.where(DEPENDS, landmarks, np.uint8(TrackingState.TRACKED)).min(axis=1)
     # ... but from the side one ear is hidden, and the head is seen all the same.
     states[Joint.HEAD] = landmarks[[_NOSE, *_EARS]].max()
+    # ... the neck lies between the shoulders, and the hips move it little ...
+    states[Joint.SHOULDER_CENTER] = landmarks[_SHOULDERS].min()
+    # ... and whoever has shoulders has a trunk, below the border of the image or a table.
+    least = min(states[Joint.SHOULDER_CENTER], TrackingState.INFERRED)
+    states[_TRUNK] = np.maximum(states[_TRUNK], least)
     return states.astype(np.uint8)

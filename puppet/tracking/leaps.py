@@ -1,6 +1,8 @@
 """A joint that leaps further than a body can is not believed.
 
-Where it was on the body it stays, and is called inferred, until time has made the leap possible.
+Where it was on the body it stays, and is called inferred, until time has made the leap possible:
+neither may it be faster than a body, nor get there from rest, or from how it moved, by more than
+muscles can do.
 Along the line of sight the network's guesses leap more often than people do, and a joint that is
 seen keeps its place in the image meanwhile.
 """
@@ -18,7 +20,11 @@ from puppet.skeleton import Joint, TrackingState
 #: Metres a second on the body, seen from its hips: the fastest kicks and punches of the recorded
 #: martial artists stay below it. And metres of noise.
 FASTEST: Final = 12.0
-NOISE: Final = 0.10
+NOISE: Final = 0.08
+#: And the hardest that a hand is thrown or stopped, metres a second squared.
+HARDEST: Final = 400.0
+#: Half-life of the velocity that a joint is known to have, s.
+VELOCITY_HALF_LIFE: Final = 0.02
 #: The same along the line of sight.
 FASTEST_DEEP: Final = 5.0
 NOISE_DEEP: Final = 0.06
@@ -32,6 +38,7 @@ class Leaps:
     def __init__(self) -> None:
         self._last: Floats | None = None
         self._believed = np.zeros(0)
+        self._velocity = np.zeros(0)
         self._time = 0.0
 
     def held_back(
@@ -43,11 +50,14 @@ class Leaps:
         last = self._last
         if last is None or not 0.0 <= time - self._time <= GAP:
             self._believed = np.full(len(positions), time)
+            self._velocity = np.zeros_like(positions)
             self._last, self._time = on_body, time
             return positions, states
         since = time - self._believed
         way = on_body - last
-        leapt = np.linalg.norm(way[:, :2], axis=1) > NOISE + FASTEST * since
+        going_on = way - since[:, None] * self._velocity
+        least = np.minimum(_across(way), _across(going_on))
+        leapt = least > NOISE + np.minimum(FASTEST * since, 0.5 * HARDEST * since * since)
         leapt &= states > TrackingState.NOT_TRACKED
         kept = positions.copy()
         most = NOISE_DEEP + FASTEST_DEEP * since
@@ -58,6 +68,16 @@ class Leaps:
         kept *= factor[:, None]
         kept[leapt] = positions[Joint.HIP_CENTER] + last[leapt]
         self._believed = np.where(leapt, self._believed, time)
-        self._last, self._time = kept - kept[Joint.HIP_CENTER], time
+        now = kept - kept[Joint.HIP_CENTER]
+        step = time - self._time
+        if step > 0.0:
+            keep = 0.5 ** (step / VELOCITY_HALF_LIFE)
+            self._velocity = keep * self._velocity + (1.0 - keep) / step * (now - last)
+        self._last, self._time = now, time
         inferred = np.minimum(states, np.uint8(TrackingState.INFERRED))
         return kept, np.where(leapt, inferred, states).astype(np.uint8)
+
+
+def _across(ways: Floats) -> Floats:
+    """(N, 3) -> (N,) metres across the line of sight."""
+    return np.asarray(np.hypot(ways[:, 0], ways[:, 1]))
