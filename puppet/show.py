@@ -158,7 +158,7 @@ class ConditioningConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True
     prediction_limit: float = 0.1
     hold: float = 0.5
     fade: float = 0.45
-    regain: float = 0.2
+    regain: float = 0.25
     kinect: KinectConfig | None = None
     holt: HoltConfig | None = None
 

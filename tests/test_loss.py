@@ -20,7 +20,7 @@ from puppet.driven import DrivenPuppet
 from puppet.kernel import Floats
 from puppet.mapping.stance import heading_of, in_heading, upright
 from puppet.rotation import conjugate, log, multiply, shortest
-from puppet.show import load_show
+from puppet.show import ConditioningConfig, load_show
 from puppet.skeleton import JOINT_PARENTS, Joint, SkeletonFrame, nobody
 from puppet.tracking.closing_in import (
     BODY_SPEED,
@@ -52,7 +52,8 @@ LIMBS = {
     "everything": list(Joint),
 }
 #: A second, at the steepest: of influence, with the knobs as they are if nobody says.
-STEEPEST = rate_of(0.2) / math.e
+REGAIN = rate_of(ConditioningConfig().regain)
+STEEPEST = REGAIN / math.e
 #: m/s that what is hidden and comes back adds to what is felt; 5.2 is what was measured.
 ADDED = 6.0
 PARENTS = np.array([0, *JOINT_PARENTS[1:]])
@@ -237,7 +238,7 @@ def test_influence_has_no_corners(name: str, limb: str, share: float, length: fl
     assert np.abs(slopes).max() <= STEEPEST + 1e-6
     # It turns from falling to rising no sooner than critical damping does.
     bends = np.abs(np.diff(slopes, axis=0)) / dt[1:]
-    assert bends.max() < 1.05 * rate_of(0.2) ** 2
+    assert bends.max() < 1.05 * REGAIN**2
     assert played.influence.min() >= 0.0
     assert played.influence.max() <= 1.0
 
