@@ -114,10 +114,12 @@ def landmarks_in(clip: Path, models: PoseModels) -> list[Landmarks | None]:
 @dataclass(frozen=True, slots=True, eq=False)
 class GroundTruth:
     """landmarks: (F, 33, 3) metres in the room; NaN where fewer than two views agree.
-    residual: median distance, pixels, between the points and what the views found."""
+    residual: median distance, pixels, between the points and what the views that agree found.
+    left_out: share of what the views found that did not agree."""
 
     landmarks: Floats
     residual: float
+    left_out: float
 
     @property
     def joints(self) -> Floats:
@@ -130,6 +132,7 @@ def triangulate(views: Sequence[View], found: Sequence[Sequence[Landmarks | None
     count = min(map(len, found))
     points = np.full((count, LANDMARK_COUNT, 3), np.nan)
     misses: list[float] = []
+    found_by_views = 0
     for frame in range(count):
         seen = [(view, of[frame]) for view, of in zip(views, found, strict=True)]
         there = [(view, landmarks) for view, landmarks in seen if landmarks is not None]
@@ -143,7 +146,11 @@ def triangulate(views: Sequence[View], found: Sequence[Sequence[Landmarks | None
             point, miss = _meeting(centres, rays[index], weights[index], focal)
             points[frame, index] = point
             misses += miss
-    return GroundTruth(_smoothed(points), float(np.median(misses)))
+            found_by_views += len(there)
+    if not misses:
+        raise SystemExit("no two views see the performer at once")
+    left_out = 1.0 - len(misses) / found_by_views
+    return GroundTruth(_smoothed(points), float(np.median(misses)), left_out)
 
 
 def _meeting(

@@ -44,6 +44,8 @@ class Performer:
         self.seen = 0.0  # capture time at which somebody was there last
         self.condition = Conditioner(conditioning)
         self.neutral = NeutralStance(stance)
+        if stance is not None:
+            self.condition.count_from(stance)
 
     def step(self, frame: SkeletonFrame | None, time: float, sequence: int) -> PerformerTick:
         """Take in what is seen of them, or None: then holding and easing go on."""
@@ -53,6 +55,8 @@ class Performer:
             self.seen = time
         conditioned = self.condition(frame)
         anew = self.neutral(conditioned)
+        if anew and self.neutral.stance is not None:
+            self.condition.count_from(self.neutral.stance)
         steps = self.condition.steps
         assert steps is not None  # there was a frame just now
         return PerformerTick(

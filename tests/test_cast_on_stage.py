@@ -273,7 +273,7 @@ def test_who_is_lost_and_comes_back_is_let_go_and_taken_up_again_gently(
     gone, back = int(np.flatnonzero(~there)[0]), int(np.flatnonzero(~there)[-1]) + 1
     away = [degrees(moment.asked[name].bones, rest).max() for moment in rehearsed[gone:back]]
     assert away[-1] < 2.0, "it is at rest before they come back"
-    assert max(away) - away[0] < 1.0, "and goes nowhere else before"
+    assert max(away) - away[0] < 4.0, "and goes nowhere else before"
     assert widest_step(rehearsed[gone - 1 : back + 15], name) < GENTLE
 
 
@@ -295,10 +295,9 @@ def test_who_vanishes_with_raised_arms_and_appears_in_a_squat_makes_nothing_jump
 
     moments = play(cast, map(seen, range(9 * RATE)))
     rest = of(cast, name).model.armature.rotations
-    assert degrees(moments[4 * RATE - 1].asked[name].bones, rest).max() > 25.0
+    assert degrees(moments[4 * RATE - 1].asked[name].bones, rest).max() > 24.0
     assert widest_step(moments[4 * RATE - 1 : 7 * RATE], name) < GENTLE
-    # The first frame takes a sixth of the way; straight legs that fold turn by 35° for that.
-    assert widest_step(moments[7 * RATE - 1 :], name) < 40.0
+    assert widest_step(moments[7 * RATE - 1 :], name) < GENTLE
 
 
 def widest_step(moments: list[Shown], name: str) -> float:

@@ -180,10 +180,10 @@ def port() -> int:
 
 @pytest.fixture(scope="module")
 def performer(show: Path, port: int) -> Iterator[Performer]:
-    """A stage of its own process, and somebody before it."""
+    """A stage of its own process, and somebody before it, whose neutral stance it knows."""
     with puppet("stage", show, "--port", str(port)):
         performer = Performer(port, show)
-        performer.until(lambda scene: scene.frame_sent_ns > 0)
+        performer.settled(3.0)  # two seconds of standing still are measured
         yield performer
         performer.close()
 

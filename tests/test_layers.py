@@ -34,7 +34,6 @@ LAYERS = {
     "skeleton": 0,
     "rotation": 0,
     "kernel": 0,
-    "oak_config": 0,
     "errors": 0,
     "__init__": 0,
 }
