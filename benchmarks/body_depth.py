@@ -15,8 +15,8 @@ import numpy as np
 
 from puppet.kernel import Floats
 from puppet.skeleton import JOINT_PARENTS, Joint
-from puppet.tracking.camera import Depth
-from puppet.tracking.intrinsics import Intrinsics
+from puppet.tracking.cameras.camera import Depth
+from puppet.tracking.cameras.intrinsics import Intrinsics
 
 #: Metres: how thick a body is about the bone that ends in each joint.
 RADII: Final = {

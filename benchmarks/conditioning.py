@@ -19,8 +19,8 @@ import numpy as np
 from puppet.kernel import Floats
 from puppet.show import ConditioningConfig, HoltConfig, KinectConfig
 from puppet.skeleton import Joint, SkeletonFrame
-from puppet.tracking.condition import Conditioner
-from puppet.tracking.rehearsal import DURATION, Rehearsal, body
+from puppet.tracking.conditioning.condition import Conditioner
+from puppet.tracking.takes.rehearsal import DURATION, Rehearsal, body
 
 RATE: Final = 30
 ARM: Final = [Joint.ELBOW_RIGHT, Joint.WRIST_RIGHT, Joint.HAND_RIGHT]

@@ -27,10 +27,10 @@ from benchmarks.ground_truth import View, landmarks_in, read_views, triangulate
 from puppet.kernel import Floats
 from puppet.show import TrackingConfig
 from puppet.skeleton import HUMAN_BONES, JOINT_COUNT, Moment, TrackingState
-from puppet.tracking.fusion import Fusion, FusionConfig
-from puppet.tracking.models import model_paths
-from puppet.tracking.take import read_take
-from puppet.tracking.video_file import VideoFile
+from puppet.tracking.cameras.video_file import VideoFile
+from puppet.tracking.fusion.fusion import Fusion, FusionConfig
+from puppet.tracking.people.models import model_paths
+from puppet.tracking.takes.take import read_take
 from puppet.tracking.watcher import Watcher
 
 POSE2SIM: Final = "pose2sim==0.10.49"

@@ -18,12 +18,12 @@ import cv2
 import numpy as np
 
 from puppet.kernel import Floats
-from puppet.tracking.blazepose import LANDMARK_COUNT, Landmarks
-from puppet.tracking.intrinsics import Intrinsics
-from puppet.tracking.lift import joints_of
-from puppet.tracking.models import PoseModels
-from puppet.tracking.people import People
-from puppet.tracking.video_file import VideoFile
+from puppet.tracking.body.lift import joints_of
+from puppet.tracking.cameras.intrinsics import Intrinsics
+from puppet.tracking.cameras.video_file import VideoFile
+from puppet.tracking.people.blazepose import LANDMARK_COUNT, Landmarks
+from puppet.tracking.people.models import PoseModels
+from puppet.tracking.people.people import People
 
 #: The calibration counts in 64ths of a pixel, and in millimetres.
 SUBPIXELS: Final = 64.0

@@ -34,7 +34,7 @@ def measure(frames: int) -> dict[str, Any]:
     from puppet.net.scene import scene_of
     from puppet.pose import forward_kinematics
     from puppet.show import load_show
-    from puppet.tracking.rehearsal import Rehearsal
+    from puppet.tracking.takes.rehearsal import Rehearsal
 
     show = load_show(SHOW)
     cast = load_cast(show, SHOW)

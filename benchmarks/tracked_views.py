@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 import zipfile
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Final
@@ -15,12 +15,12 @@ from numpy.typing import NDArray
 
 from benchmarks.ground_truth import GroundTruth, View, read_views, triangulate
 from puppet.kernel import Floats
-from puppet.tracking.blazepose import Landmarks
-from puppet.tracking.body import Body
-from puppet.tracking.camera import Depth, Shot
-from puppet.tracking.models import PoseModels
-from puppet.tracking.people import People, Seen
-from puppet.tracking.video_file import VideoFile
+from puppet.tracking.body.body import Body
+from puppet.tracking.cameras.camera import Depth, Shot
+from puppet.tracking.cameras.video_file import VideoFile
+from puppet.tracking.people.blazepose import Landmarks
+from puppet.tracking.people.models import PoseModels
+from puppet.tracking.people.people import People, Seen
 
 ONE: Final = "Pose2Sim/Demo_SinglePerson"
 TWO: Final = "Pose2Sim/Demo_MultiPerson"
@@ -85,7 +85,7 @@ def look_at(clip: Path, models: PoseModels, most: int) -> list[Track]:
             track.append(Look(shot.time, (width, height), seen.landmarks, turned))
         count += 1
     for track in tracks.values():
-        track += [None] * (count - len(track))
+        track.extend([None] * (count - len(track)))
     longest = sorted(tracks.values(), key=lambda track: -sum(look is not None for look in track))
     return longest[:most]
 

@@ -22,6 +22,7 @@ from typing import Final
 import numpy as np
 
 from benchmarks.body_depth import body_depth
+from benchmarks.clips import POSE2SIM, download
 from benchmarks.ground_truth import GroundTruth, View
 from benchmarks.tracked_views import (
     ONE,
@@ -42,9 +43,8 @@ from benchmarks.tracking_scores import (
     report_states,
 )
 from puppet.kernel import Floats
-from puppet.tracking.camera import Depth
-from puppet.tracking.models import PoseModels, model_paths
-from script.make_recorded_streams import POSE2SIM, download
+from puppet.tracking.cameras.camera import Depth
+from puppet.tracking.people.models import PoseModels, model_paths
 
 TARGET: Final = 90.0
 HEADING: Final = f"{'':38}  root  aligned    root by view             bones vary"

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from benchmarks.tracked_views import Scores
 from puppet.kernel import Floats
 from puppet.skeleton import JOINT_NAMES, JOINT_PARENTS, Joint, SkeletonFrame, TrackingState
-from puppet.tracking.condition import Conditioner
+from puppet.tracking.conditioning.condition import Conditioner
 
 #: Pictures a second, and a joint is at rest that moves slower, m/s, for so many pictures.
 RATE: Final = 60.0

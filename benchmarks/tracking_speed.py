@@ -22,10 +22,10 @@ import cv2
 import numpy as np
 import onnxruntime
 
-from puppet.tracking.models import PoseModels, model_paths
-from puppet.tracking.video_file import VideoFile
+from benchmarks.clips import POSE2SIM, download
+from puppet.tracking.cameras.video_file import VideoFile
+from puppet.tracking.people.models import PoseModels, model_paths
 from puppet.tracking.watcher import Watcher
-from script.make_recorded_streams import POSE2SIM, download
 
 CLIPS: Final = {
     "one performer": ("Pose2Sim/Demo_SinglePerson/videos/cam01.mp4", 1, 30.0),

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from puppet.mapping.stance import Stance
 from puppet.show import ConditioningConfig
 from puppet.skeleton import SkeletonFrame, nobody
-from puppet.tracking.condition import Conditioner
-from puppet.tracking.conditioning_steps import ConditioningSteps
+from puppet.tracking.conditioning.condition import Conditioner
+from puppet.tracking.conditioning.steps import ConditioningSteps
 from puppet.tracking.neutral import NeutralStance
 
 

@@ -10,7 +10,6 @@ fetch the wheels that carry the clips (pose2sim, sports2d) unless they are given
 from __future__ import annotations
 
 import argparse
-import subprocess
 import sys
 import tempfile
 import zipfile
@@ -20,21 +19,22 @@ from pathlib import Path
 from typing import Final
 from xml.etree import ElementTree
 
-from puppet.errors import PuppetError, UnavailableError
-from puppet.tracking.models import model_paths
-from puppet.tracking.take import write_take
-from puppet.tracking.video_file import VideoFile
+from puppet.errors import PuppetError
+from puppet.tracking.cameras.video_file import VideoFile
+from puppet.tracking.people.models import model_paths
+from puppet.tracking.takes.take import write_take
 from puppet.tracking.watcher import Watcher
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+from benchmarks.clips import POSE2SIM, SPORTS2D, wheel_of
 
 STREAMS: Final = Path(__file__).resolve().parents[1] / "tests" / "recorded_streams"
 
-POSE2SIM: Final = "pose2sim==0.10.49"
 POSE2SIM_LICENCE: Final = "BSD-3-Clause (video: pose2sim)"
 CAMERAS: Final = ("cam01", "cam02", "cam03", "cam04")
 #: The calibration counts in 64ths of a pixel.
 SUBPIXELS: Final = 64.0
 
-SPORTS2D: Final = "sports2d==0.8.34"
 SPORTS2D_LICENCE: Final = "BSD-3-Clause (video: sports2d)"
 SPORTS2D_CLIP: Final = "Sports2D/Demo/demo.mp4"
 #: As the clip's own calibration has it: a level camera; pixels; metres above the ground.
@@ -45,7 +45,7 @@ SPORTS2D_HEIGHT: Final = 1.71
 
 def make_rehearsal(_wheels: list[Path]) -> None:
     """The synthetic choreography, once."""
-    from puppet.tracking.rehearsal import Rehearsal
+    from puppet.tracking.takes.rehearsal import Rehearsal
 
     source = Rehearsal()
     path = STREAMS / "rehearsal.mcap"
@@ -115,13 +115,6 @@ MAKERS: Final[dict[str, Callable[[list[Path]], None]]] = {
 }
 
 
-def wheel_of(requirement: str, wheels: list[Path], scratch: Path) -> Path:
-    """The wheel of `requirement`: one of those that were given, or else downloaded."""
-    start = requirement.replace("==", "-") + "-"
-    given = (wheel for wheel in wheels if wheel.name.startswith(start))
-    return next(given, None) or download(requirement, scratch)
-
-
 def read_calibration(data: bytes, camera: str) -> tuple[tuple[float, float, float], float]:
     """Up in the camera's image (x right, y down, z away), and the focal length in pixels.
 
@@ -134,21 +127,6 @@ def read_calibration(data: bytes, camera: str) -> tuple[tuple[float, float, floa
             x, y, z = (float(transform.attrib[f"r{row}3"]) for row in (1, 2, 3))
             return (x, -y, -z), float(intrinsic.attrib["focalLengthV"]) / SUBPIXELS
     raise SystemExit(f"the calibration does not have {camera}")
-
-
-def download(requirement: str, directory: Path) -> Path:
-    """The wheel of `requirement`, fetched with pip."""
-    command = [
-        *(sys.executable, "-m", "pip", "download", "--quiet", "--no-deps"),
-        *("--only-binary=:all:", "--dest", str(directory), requirement),
-    ]
-    try:
-        subprocess.run(command, check=True)
-    except subprocess.CalledProcessError:
-        raise UnavailableError(
-            "pip could not fetch the wheel", where=requirement, hint="give it with --wheel"
-        ) from None
-    return next(directory.glob("*.whl"))
 
 
 def report(path: Path, frames: int) -> None:

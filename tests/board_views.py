@@ -10,11 +10,11 @@ from PIL import Image as Pictures
 from scipy.spatial.transform import Rotation
 
 from puppet.kernel import Floats
-from puppet.tracking.board import BOARDS, Board
-from puppet.tracking.board_print import page
-from puppet.tracking.camera import Image
-from puppet.tracking.intrinsics import Intrinsics
-from puppet.tracking.stage_frame import StageFromCamera
+from puppet.tracking.calibration.board import BOARDS, Board
+from puppet.tracking.calibration.board_print import page
+from puppet.tracking.calibration.stage_frame import StageFromCamera
+from puppet.tracking.cameras.camera import Image
+from puppet.tracking.cameras.intrinsics import Intrinsics
 
 WIDTH, HEIGHT = 1280, 720
 LENS = Intrinsics.assumed(WIDTH, HEIGHT, 1000.0)

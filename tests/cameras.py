@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from itertools import islice
 
-from puppet.tracking.camera import Camera, CameraInfo, Shot
+from puppet.tracking.cameras.camera import Camera, CameraInfo, Shot
 
 
 class Shots:

@@ -9,8 +9,8 @@ import numpy as np
 from benchmarks.fusion import takes
 from puppet.kernel import Floats
 from puppet.skeleton import JOINT_COUNT, Joint, Moment, SkeletonFrame, TrackingState
-from puppet.tracking.fusion import Fusion
-from puppet.tracking.rehearsal import body
+from puppet.tracking.fusion.fusion import Fusion
+from puppet.tracking.takes.rehearsal import body
 
 #: When it arrived, which camera, what it saw.
 Arrival = tuple[float, str, Moment]

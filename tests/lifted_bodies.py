@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from puppet.kernel import Floats
-from puppet.tracking.blazepose import LANDMARK_COUNT, Landmarks, Region
-from puppet.tracking.camera import Depth, Shot
-from puppet.tracking.depth_probe import INSETS
-from puppet.tracking.intrinsics import Intrinsics
+from puppet.tracking.body.depth_probe import INSETS
+from puppet.tracking.cameras.camera import Depth, Shot
+from puppet.tracking.cameras.intrinsics import Intrinsics
+from puppet.tracking.people.blazepose import LANDMARK_COUNT, Landmarks, Region
 
 WIDTH, HEIGHT = 1280, 720
 LENS = Intrinsics.assumed(WIDTH, HEIGHT)

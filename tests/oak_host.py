@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 
 from puppet.kernel import Floats
 from puppet.oak_config import OakConfig
-from puppet.tracking.oak_listing import OakFound, found_oak
-from puppet.tracking.oak_stream import OakOutputs, OakStream
-from puppet.tracking.quiet_depthai import dai
+from puppet.tracking.cameras.oak_listing import OakFound, found_oak
+from puppet.tracking.cameras.oak_stream import OakOutputs, OakStream
+from puppet.tracking.cameras.quiet_depthai import dai
 
 SIZE = (128, 72)
 LENS = ((100.0, 0.0, 64.0), (0.0, 101.0, 36.0), (0.0, 0.0, 1.0))

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from puppet.errors import UnavailableError
-from puppet.tracking.models import PoseModels, cache_directory, model_paths
+from puppet.tracking.people.models import PoseModels, cache_directory, model_paths
 
 POSE2SIM = "pose2sim==0.10.49"
 #: A man who balances on one leg; and he with a woman who waves at him: 100 frames, 60 a second,

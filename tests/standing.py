@@ -9,9 +9,9 @@ import cv2
 import numpy as np
 
 from puppet.kernel import Floats
-from puppet.tracking.blazepose import LANDMARK_COUNT, Landmarks, Region
-from puppet.tracking.camera import Image
-from puppet.tracking.intrinsics import Intrinsics
+from puppet.tracking.cameras.camera import Image
+from puppet.tracking.cameras.intrinsics import Intrinsics
+from puppet.tracking.people.blazepose import LANDMARK_COUNT, Landmarks, Region
 
 WIDTH, HEIGHT = 640, 360
 LENS = Intrinsics.assumed(WIDTH, HEIGHT, 420.0)

@@ -11,8 +11,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from puppet.tracking.camera import Shot
-from puppet.tracking.intrinsics import Intrinsics
+from puppet.tracking.cameras.camera import Shot
+from puppet.tracking.cameras.intrinsics import Intrinsics
 
 LEFT, RIGHT = 1, 2
 RATE = 30.0

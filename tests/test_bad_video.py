@@ -19,12 +19,12 @@ from hypothesis import strategies as st
 
 from puppet.errors import BadFileError
 from puppet.skeleton import Moment
-from puppet.tracking.camera import Camera, CameraInfo, Image, Shot
-from puppet.tracking.intrinsics import Intrinsics
-from puppet.tracking.models import PoseModels
-from puppet.tracking.raw_recording import RawRecording
-from puppet.tracking.raw_writer import RawWriter
-from puppet.tracking.video_file import VideoFile
+from puppet.tracking.cameras.camera import Camera, CameraInfo, Image, Shot
+from puppet.tracking.cameras.intrinsics import Intrinsics
+from puppet.tracking.cameras.raw_recording import RawRecording
+from puppet.tracking.cameras.raw_writer import RawWriter
+from puppet.tracking.cameras.video_file import VideoFile
+from puppet.tracking.people.models import PoseModels
 from puppet.tracking.watcher import Watcher
 from tests.cameras import Shots
 from tests.pose_models import clip_or_skip, models_or_skip

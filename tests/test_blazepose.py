@@ -10,13 +10,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from puppet.errors import UnavailableError
-from puppet.tracking import blazepose
-from puppet.tracking.blazepose import BlazePose, Landmarks, Region
-from puppet.tracking.camera import Image
-from puppet.tracking.duplicates import BODY
-from puppet.tracking.models import PoseModels
-from puppet.tracking.paint_out import covered
-from puppet.tracking.people import MOST_COVERED
+from puppet.tracking.cameras.camera import Image
+from puppet.tracking.people import blazepose
+from puppet.tracking.people.blazepose import BlazePose, Landmarks, Region
+from puppet.tracking.people.duplicates import BODY
+from puppet.tracking.people.models import PoseModels
+from puppet.tracking.people.paint_out import covered
+from puppet.tracking.people.people import MOST_COVERED
 from tests.pose_models import clip_or_skip, models_or_skip
 
 LEFT_SHOULDER, RIGHT_SHOULDER, LEFT_HIP, RIGHT_HIP = 11, 12, 23, 24

@@ -16,15 +16,15 @@ from scipy.spatial.transform import Rotation
 
 from puppet.errors import BadShowError, PuppetError
 from puppet.kernel import Floats
-from puppet.tracking.board import Board, BoardFinder, BoardSight
-from puppet.tracking.board_pose import (
+from puppet.tracking.calibration.board import Board, BoardFinder, BoardSight
+from puppet.tracking.calibration.board_pose import (
     lies,
     locate,
     stage_from_lying,
     stage_from_standing,
 )
-from puppet.tracking.board_print import board_for, page, print_board
-from puppet.tracking.stage_frame import angle_between
+from puppet.tracking.calibration.board_print import board_for, page, print_board
+from puppet.tracking.calibration.stage_frame import angle_between
 from tests.board_views import A3, A4, HEIGHT, LENS, LYING, WIDTH, camera_at, seen, view
 
 

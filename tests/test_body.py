@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from puppet.skeleton import Joint, SkeletonFrame, TrackingState
-from puppet.tracking.blazepose import LANDMARK_COUNT, Landmarks
-from puppet.tracking.body import Body
-from puppet.tracking.camera import Shot
-from puppet.tracking.condition import Conditioner
-from puppet.tracking.seated import USUAL_TRUNK
+from puppet.tracking.body.body import Body
+from puppet.tracking.body.seated import USUAL_TRUNK
+from puppet.tracking.cameras.camera import Shot
+from puppet.tracking.conditioning.condition import Conditioner
+from puppet.tracking.people.blazepose import LANDMARK_COUNT, Landmarks
 from tests.lifted_bodies import LENS, camera_axes, depth_of, landmarks, shot, standing_body
 
 BODY, PLACE = standing_body(), (0.2, 0.0, 3.0)

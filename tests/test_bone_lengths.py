@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 
 from puppet.kernel import Floats
 from puppet.skeleton import JOINT_COUNT, OTHER_SIDE, Joint
-from puppet.tracking.bone_lengths import LEARN_SECONDS, BoneLengths
-from puppet.tracking.rehearsal import Rehearsal
+from puppet.tracking.body.bone_lengths import LEARN_SECONDS, BoneLengths
+from puppet.tracking.takes.rehearsal import Rehearsal
 from tests.moments import frames_of
 
 ALL = np.full(JOINT_COUNT, 2, np.uint8)

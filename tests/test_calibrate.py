@@ -32,18 +32,18 @@ from puppet.formats.calibration_file import (
 )
 from puppet.kernel import Floats
 from puppet.skeleton import Joint, Moment
-from puppet.tracking.annotate import draw_skeleton
-from puppet.tracking.annotate_stage import draw_floor, draw_stage
-from puppet.tracking.calibrated import saved_stance, use_calibration
-from puppet.tracking.camera import CameraInfo, Shot
-from puppet.tracking.intrinsics import Intrinsics
-from puppet.tracking.lens import LensWatch, measure_lens
-from puppet.tracking.level import Level
-from puppet.tracking.on_mark import OnMark
+from puppet.tracking.calibration.annotate import draw_skeleton
+from puppet.tracking.calibration.annotate_stage import draw_floor, draw_stage
+from puppet.tracking.calibration.calibrated import saved_stance, use_calibration
+from puppet.tracking.calibration.lens import LensWatch, measure_lens
+from puppet.tracking.calibration.level import Level
+from puppet.tracking.calibration.on_mark import OnMark
+from puppet.tracking.calibration.stage_frame import StageFromCamera, angle_between, joints_of
+from puppet.tracking.cameras.camera import CameraInfo, Shot
+from puppet.tracking.cameras.intrinsics import Intrinsics
+from puppet.tracking.cameras.video_file import VideoFile
 from puppet.tracking.open import open_source
-from puppet.tracking.rehearsal import Rehearsal
-from puppet.tracking.stage_frame import StageFromCamera, angle_between, joints_of
-from puppet.tracking.video_file import VideoFile
+from puppet.tracking.takes.rehearsal import Rehearsal
 from puppet.tracking.watcher import Watcher
 from tests.board_views import A4, LENS, LYING, camera_at, seen, view
 from tests.pose_models import clip_or_skip, models_or_skip

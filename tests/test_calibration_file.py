@@ -27,14 +27,14 @@ from puppet.formats.calibration_file import (
 from puppet.kernel import Floats
 from puppet.mapping.stance import UPRIGHT, stance_of
 from puppet.skeleton import Joint
-from puppet.tracking.calibration import (
+from puppet.tracking.calibration.calibration import (
     CameraCalibration,
     calibration_of,
     stance_in,
     stance_row,
 )
-from puppet.tracking.camera import CameraInfo
-from puppet.tracking.stage_frame import StageFromCamera, at_mark, joints_of, mark_of
+from puppet.tracking.calibration.stage_frame import StageFromCamera, at_mark, joints_of, mark_of
+from puppet.tracking.cameras.camera import CameraInfo
 
 ROW = CameraRow(
     device="oak:14442C10D13EABCE00",

@@ -28,9 +28,9 @@ from puppet.pose import Pose, forward_kinematics
 from puppet.show import load_show
 from puppet.skeleton import Joint, Moment, SkeletonFrame, nobody
 from puppet.solvers.joint_limits import Bounds
-from puppet.tracking.choreography import DURATION, SECTIONS
-from puppet.tracking.rehearsal import Rehearsal
-from puppet.tracking.take import read_take
+from puppet.tracking.takes.choreography import DURATION, SECTIONS
+from puppet.tracking.takes.rehearsal import Rehearsal
+from puppet.tracking.takes.take import read_take
 from tests.moments import frames_of
 from tests.rig_changes import MODES, propose
 from tests.shows import write_show

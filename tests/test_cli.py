@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 from PIL import Image
 
-from puppet.tracking.take import read_take
+from puppet.tracking.takes.take import read_take
 from tests.moments import frames_of
 
 REPOSITORY = Path(__file__).resolve().parents[1]

@@ -16,8 +16,8 @@ from puppet.kernel import Floats
 from puppet.mapping.stance import UPRIGHT, heading_of
 from puppet.show import ConditioningConfig, HoltConfig, KinectConfig
 from puppet.skeleton import Joint, SkeletonFrame, nobody
-from puppet.tracking.condition import Conditioner
-from puppet.tracking.rehearsal import Rehearsal
+from puppet.tracking.conditioning.condition import Conditioner
+from puppet.tracking.takes.rehearsal import Rehearsal
 
 RATE = 30.0
 HAND = Joint.HAND_RIGHT

@@ -22,7 +22,7 @@ from puppet.mapping.stance import stance_of, upright
 from puppet.pose import forward_kinematics
 from puppet.rotation import IDENTITY
 from puppet.skeleton import HUMAN_BONE_NAMES, Joint, SkeletonFrame
-from puppet.tracking.rehearsal import Rehearsal
+from puppet.tracking.takes.rehearsal import Rehearsal
 from tests.armatures import armature_of, armatures
 from tests.moments import frames_of
 

@@ -11,8 +11,8 @@ import pytest
 
 from puppet.kernel import Floats
 from puppet.skeleton import Joint
-from puppet.tracking.replay import Replay
-from puppet.tracking.take import read_take
+from puppet.tracking.takes.replay import Replay
+from puppet.tracking.takes.take import read_take
 
 DUO = sorted((Path(__file__).parent / "recorded_streams").glob("duo_*.mcap"))
 #: Metres, from triangulating all four views: how far their hips are apart as the clip begins and

@@ -23,7 +23,7 @@ from puppet.mapping.stance import Stance, stance_of
 from puppet.pose import Intent, Pose, forward_kinematics
 from puppet.skeleton import HUMAN_BONES, Joint, SkeletonFrame
 from puppet.solvers.oriented_tips import OrientedTips
-from puppet.tracking.rehearsal import Rehearsal
+from puppet.tracking.takes.rehearsal import Rehearsal
 from tests.armatures import armatures
 from tests.moments import frames_of
 from tests.rig_changes import CAST, creatures, propose, shipped

@@ -14,11 +14,11 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from puppet.kernel import Floats
-from puppet.tracking.camera import Depth, Shot
-from puppet.tracking.floor_plane import find_floor
-from puppet.tracking.floor_watch import AGREE, PAUSE, FloorWatch
-from puppet.tracking.intrinsics import Intrinsics
-from puppet.tracking.stage_frame import angle_between
+from puppet.tracking.calibration.floor_plane import find_floor
+from puppet.tracking.calibration.floor_watch import AGREE, PAUSE, FloorWatch
+from puppet.tracking.calibration.stage_frame import angle_between
+from puppet.tracking.cameras.camera import Depth, Shot
+from puppet.tracking.cameras.intrinsics import Intrinsics
 
 WIDTH, HEIGHT = 320, 200
 LENS = Intrinsics.assumed(WIDTH, HEIGHT, 260.0)

@@ -10,8 +10,8 @@ import pytest
 from benchmarks.fusion import camera_positions, fused, middle_of
 from puppet.kernel import Floats
 from puppet.skeleton import HUMAN_BONES, Moment, SkeletonFrame, TrackingState
-from puppet.tracking.fusion import Fusion, FusionConfig
-from puppet.tracking.rehearsal import body
+from puppet.tracking.fusion.fusion import Fusion, FusionConfig
+from puppet.tracking.takes.rehearsal import body
 from tests.fusion_films import BALANCE, dancing, film, numbers, person, played, seen
 
 

@@ -5,9 +5,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from puppet.tracking.fusion import Fusion
-from puppet.tracking.fusion_clock import CameraClock, Heard
-from puppet.tracking.rehearsal import body
+from puppet.tracking.fusion.clock import CameraClock, Heard
+from puppet.tracking.fusion.fusion import Fusion
+from puppet.tracking.takes.rehearsal import body
 from tests.fusion_films import dancing, film, numbers, person, played
 
 

@@ -10,10 +10,10 @@ from hypothesis import strategies as st
 
 from benchmarks.fusion import camera_positions
 from puppet.skeleton import JOINT_COUNT, Joint, SkeletonFrame, TrackingState
-from puppet.tracking.fusion import Fusion, FusionConfig
-from puppet.tracking.fusion_joints import EASE, FASTEST, STALE
-from puppet.tracking.fusion_weight import add, solve, weigh
-from puppet.tracking.rehearsal import body
+from puppet.tracking.fusion.fusion import Fusion, FusionConfig
+from puppet.tracking.fusion.joints import EASE, FASTEST, STALE
+from puppet.tracking.fusion.weight import add, solve, weigh
+from puppet.tracking.takes.rehearsal import body
 from tests.fusion_films import BALANCE, dancing, film, numbers, of, person, played, seen
 
 

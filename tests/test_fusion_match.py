@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from puppet.skeleton import SkeletonFrame
-from puppet.tracking.fusion import Fusion
-from puppet.tracking.rehearsal import body
+from puppet.tracking.fusion.fusion import Fusion
+from puppet.tracking.takes.rehearsal import body
 from tests.fusion_films import BALANCE, dancing, film, numbers, person, played
 
 

@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from puppet.kernel import Floats
-from puppet.tracking.gravity import Gravity
+from puppet.tracking.cameras.gravity import Gravity
 
 RATE = 100
 UP = np.array([0.1, -0.95, 0.3])

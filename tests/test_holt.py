@@ -14,9 +14,9 @@ from puppet.errors import BadShowError
 from puppet.kernel import Floats
 from puppet.show import ConditioningConfig, HoltConfig, KinectConfig, load_show
 from puppet.skeleton import JOINT_PARENTS, Joint, SkeletonFrame
-from puppet.tracking.condition import Conditioner
-from puppet.tracking.holt import KINECT_PRESETS, half_life_of
-from puppet.tracking.rehearsal import Rehearsal, body
+from puppet.tracking.conditioning.condition import Conditioner
+from puppet.tracking.conditioning.holt import KINECT_PRESETS, half_life_of
+from puppet.tracking.takes.rehearsal import Rehearsal, body
 
 TRACKED = np.full(20, 2, np.uint8)
 

@@ -11,14 +11,14 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from puppet.tracking import roster
-from puppet.tracking.appearance import colours, difference
-from puppet.tracking.camera import Shot
-from puppet.tracking.duplicates import BODY, apart, part_of, same_body
-from puppet.tracking.identity import GATE, Identity, Sighting, sight
-from puppet.tracking.paint_out import covered, paint_out
-from puppet.tracking.roster import Body, Roster, distinct
-from puppet.tracking.sides import reversed_in_depth
+from puppet.tracking.body.sides import reversed_in_depth
+from puppet.tracking.cameras.camera import Shot
+from puppet.tracking.people import roster
+from puppet.tracking.people.appearance import colours, difference
+from puppet.tracking.people.duplicates import BODY, apart, part_of, same_body
+from puppet.tracking.people.identity import GATE, Identity, Sighting, sight
+from puppet.tracking.people.paint_out import covered, paint_out
+from puppet.tracking.people.roster import Body, Roster, distinct
 from tests.standing import HEIGHT, LENS, WIDTH, Figure, picture
 
 RED, BLUE = ((40, 40, 200), (60, 20, 20)), ((200, 80, 30), (30, 30, 30))

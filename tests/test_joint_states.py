@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from puppet.skeleton import Joint, TrackingState
-from puppet.tracking.blazepose import LANDMARK_COUNT
-from puppet.tracking.joint_states import PATIENCE, JointStates
+from puppet.tracking.body.joint_states import PATIENCE, JointStates
+from puppet.tracking.people.blazepose import LANDMARK_COUNT
 from tests.lifted_bodies import HEIGHT, LEFT_WRIST, WIDTH, landmarks, standing_body
 
 FAR = landmarks(standing_body(), (0.0, 0.0, 6.0))

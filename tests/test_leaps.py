@@ -10,10 +10,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from puppet.skeleton import Joint, TrackingState
-from puppet.tracking.leaps import FASTEST, NOISE, Leaps
-from puppet.tracking.limb_swaps import INSISTENCE, LimbSwaps
-from puppet.tracking.rehearsal import Rehearsal
-from puppet.tracking.take import read_take
+from puppet.tracking.body.leaps import FASTEST, NOISE, Leaps
+from puppet.tracking.body.limb_swaps import INSISTENCE, LimbSwaps
+from puppet.tracking.takes.rehearsal import Rehearsal
+from puppet.tracking.takes.take import read_take
 from tests.lifted_bodies import landmarks, standing_body
 from tests.moments import frames_of
 from tests.test_take import RECORDED
@@ -38,7 +38,7 @@ def test_honest_movement_passes_untouched() -> None:
 def test_the_fastest_punches_and_kicks_pass_but_for_glitches_of_the_kinect(shared: object) -> None:
     from pathlib import Path
 
-    from puppet.tracking.recording import import_recording
+    from puppet.tracking.takes.recording import import_recording
 
     for name in ("Seq1_1", "Seq1_5", "Seq4_1"):
         path = Path(str(shared)) / "recordings/kinect1_precog" / f"{name}.csv"

@@ -10,9 +10,9 @@ from scipy.spatial.transform import Rotation
 
 from puppet.kernel import Bytes, Floats
 from puppet.skeleton import JOINT_COUNT, Joint, TrackingState
-from puppet.tracking.floor_plane import FloorPlane
-from puppet.tracking.level import Level
-from puppet.tracking.stage_frame import StageFromCamera
+from puppet.tracking.calibration.floor_plane import FloorPlane
+from puppet.tracking.calibration.level import Level
+from puppet.tracking.calibration.stage_frame import StageFromCamera
 
 TRACKED: Bytes = np.full(JOINT_COUNT, TrackingState.TRACKED, np.uint8)
 

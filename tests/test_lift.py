@@ -11,10 +11,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from puppet.skeleton import JOINT_COUNT, Joint
-from puppet.tracking.blazepose import LANDMARK_COUNT, Landmarks
-from puppet.tracking.camera import Depth
-from puppet.tracking.intrinsics import Intrinsics
-from puppet.tracking.lift import Lift, Lifted
+from puppet.tracking.body.lift import Lift, Lifted
+from puppet.tracking.cameras.camera import Depth
+from puppet.tracking.cameras.intrinsics import Intrinsics
+from puppet.tracking.people.blazepose import LANDMARK_COUNT, Landmarks
 from tests.lifted_bodies import (
     LEFT_WRIST,
     LENS,

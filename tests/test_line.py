@@ -14,9 +14,9 @@ from puppet.line import Line, Tick
 from puppet.pose import forward_kinematics, rest_pose
 from puppet.show import load_show
 from puppet.skeleton import Moment
-from puppet.tracking.rehearsal import SECTIONS, Rehearsal
-from puppet.tracking.replay import Replay, paced
-from puppet.tracking.take import read_take
+from puppet.tracking.takes.rehearsal import SECTIONS, Rehearsal
+from puppet.tracking.takes.replay import Replay, paced
+from puppet.tracking.takes.take import read_take
 
 REPOSITORY = Path(__file__).resolve().parents[1]
 SHOW = REPOSITORY / "configs/shows/rehearsal.toml"

@@ -17,7 +17,7 @@ from puppet.line import REMEMBERED, Line, Tick
 from puppet.pose import Pose
 from puppet.show import PartConfig, load_show
 from puppet.skeleton import Moment, SkeletonFrame, mirrored
-from puppet.tracking.rehearsal import Rehearsal
+from puppet.tracking.takes.rehearsal import Rehearsal
 
 SHOW = Path(__file__).resolve().parents[1] / "configs/shows/rehearsal.toml"
 TWO_PARTS = (PartConfig("one"), PartConfig("two"))

@@ -32,8 +32,8 @@ from puppet.net.messages import (
 )
 from puppet.show import load_show
 from puppet.skeleton import Moment, SkeletonFrame
-from puppet.tracking.rehearsal import Rehearsal
-from puppet.tracking.take import read_take
+from puppet.tracking.takes.rehearsal import Rehearsal
+from puppet.tracking.takes.take import read_take
 
 REPOSITORY = Path(__file__).resolve().parents[1]
 SHOW = REPOSITORY / "configs/shows/demo.toml"

@@ -22,18 +22,18 @@ from puppet.mapping.stance import heading_of, in_heading, upright
 from puppet.rotation import conjugate, log, multiply, shortest
 from puppet.show import ConditioningConfig, load_show
 from puppet.skeleton import JOINT_PARENTS, Joint, SkeletonFrame, nobody
-from puppet.tracking.closing_in import (
+from puppet.tracking.conditioning.closing_in import (
     BODY_SPEED,
     BONE_SPEED,
     CLOSING_SPEED,
     CLOSING_TURN,
     ROOT_SPEED,
 )
-from puppet.tracking.condition import Conditioner
+from puppet.tracking.conditioning.condition import Conditioner
+from puppet.tracking.conditioning.spring import damped, rate_of
 from puppet.tracking.neutral import NeutralStance
-from puppet.tracking.rehearsal import DURATION, Rehearsal
-from puppet.tracking.spring import damped, rate_of
-from puppet.tracking.take import read_take
+from puppet.tracking.takes.rehearsal import DURATION, Rehearsal
+from puppet.tracking.takes.take import read_take
 from tests.shows import write_show
 
 RATE = 30
@@ -325,7 +325,7 @@ def turning(name: str, cast: Cast, frames: list[SkeletonFrame]) -> float:
 
 def test_honest_kicks_and_punches_are_shown_as_fast_as_they_are(shared: Path) -> None:
     """The fastest that is believable in our recordings, and none of it is bounded."""
-    from puppet.tracking.recording import import_recording
+    from puppet.tracking.takes.recording import import_recording
 
     for name in ("Seq1_1", "Seq1_9", "Seq4_7"):
         frames = import_recording(shared / f"recordings/kinect1_precog/{name}.csv").frames

@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 
 from puppet.errors import BadFileError, UnavailableError
-from puppet.tracking import models
-from puppet.tracking.models import LICENCE_FILE, MANIFEST_FILE, fetch_models, model_paths
+from puppet.tracking.people import models
+from puppet.tracking.people.models import LICENCE_FILE, MANIFEST_FILE, fetch_models, model_paths
 from tests.pose_models import models_or_skip
 
 

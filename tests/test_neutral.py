@@ -14,7 +14,7 @@ from puppet.kernel import Bytes, Floats
 from puppet.mapping.stance import UPRIGHT, stance_of
 from puppet.skeleton import HUMAN_BONE_NAMES, JOINT_COUNT, Joint, SkeletonFrame, TrackingState
 from puppet.tracking.neutral import NeutralStance
-from puppet.tracking.rehearsal import SECTIONS, Rehearsal
+from puppet.tracking.takes.rehearsal import SECTIONS, Rehearsal
 
 TRACKED: Bytes = np.full(JOINT_COUNT, TrackingState.TRACKED, np.uint8)
 LEGS = [joint for joint in Joint if joint.name.split("_")[0] in ("KNEE", "ANKLE", "FOOT")]

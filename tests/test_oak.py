@@ -11,10 +11,10 @@ import pytest
 
 from puppet.errors import UnavailableError
 from puppet.oak_config import OakConfig
-from puppet.tracking.camera import Camera, Shot
-from puppet.tracking.oak import OakCamera
-from puppet.tracking.oak_listing import OakFound, OakMissingError, found_oak
-from puppet.tracking.oak_stream import OakStream
+from puppet.tracking.cameras.camera import Camera, Shot
+from puppet.tracking.cameras.oak import OakCamera
+from puppet.tracking.cameras.oak_listing import OakFound, OakMissingError, found_oak
+from puppet.tracking.cameras.oak_stream import OakStream
 from tests.oak_host import Bus, Script, device_info
 
 FIRST, SECOND = "14442C10D13EABCE00", "18443010C1A1B40F00"

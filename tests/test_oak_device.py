@@ -14,9 +14,9 @@ import pytest
 
 from puppet.errors import UnavailableError
 from puppet.oak_config import OakConfig
-from puppet.tracking.oak_device import calibrated_focus, device_outputs, imu_turn
-from puppet.tracking.oak_stream import OakOutputs
-from puppet.tracking.quiet_depthai import dai
+from puppet.tracking.cameras.oak_device import calibrated_focus, device_outputs, imu_turn
+from puppet.tracking.cameras.oak_stream import OakOutputs
+from puppet.tracking.cameras.quiet_depthai import dai
 from tests.oak_host import IMU_TO_CAMERA
 
 A, B, C = (getattr(dai.CameraBoardSocket, f"CAM_{letter}") for letter in "ABC")
@@ -298,8 +298,8 @@ def test_a_device_that_goes_away_before_it_boots_is_an_error() -> None:
     code = (
         "from puppet.errors import UnavailableError\n"
         "from puppet.oak_config import OakConfig\n"
-        "from puppet.tracking.oak_device import open_oak\n"
-        "from puppet.tracking.oak_listing import found_oak\n"
+        "from puppet.tracking.cameras.oak_device import open_oak\n"
+        "from puppet.tracking.cameras.oak_listing import found_oak\n"
         "from tests.oak_host import device_info\n"
         "try: open_oak(found_oak(device_info()), OakConfig())\n"
         "except UnavailableError as error: print(error)\n"

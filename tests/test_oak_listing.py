@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from puppet.errors import UnavailableError
-from puppet.tracking.oak_listing import OakFound, OakMissingError, choose_oak, found_oak
+from puppet.tracking.cameras.oak_listing import OakFound, OakMissingError, choose_oak, found_oak
 from tests.oak_host import device_info
 
 FIRST, SECOND = "14442C10D13EABCE00", "18443010C1A1B40F00"
@@ -99,7 +99,7 @@ def test_no_device_at_all_says_where_to_look() -> None:
 
 def test_a_machine_without_usb_has_no_devices() -> None:
     # depthai raises there if nothing but USB is asked for.
-    code = "from puppet.tracking.oak_listing import list_oaks\nprint(list_oaks())"
+    code = "from puppet.tracking.cameras.oak_listing import list_oaks\nprint(list_oaks())"
     done = subprocess.run(
         [sys.executable, "-c", code],
         cwd=Path(__file__).resolve().parents[1],

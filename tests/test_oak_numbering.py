@@ -7,7 +7,7 @@ from itertools import pairwise
 from hypothesis import given
 from hypothesis import strategies as st
 
-from puppet.tracking.oak_numbering import Numbering
+from puppet.tracking.cameras.oak_numbering import Numbering
 
 RATE = 30.0
 

@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from puppet.tracking.intrinsics import Intrinsics
-from puppet.tracking.oak_stream import (
+from puppet.tracking.cameras.intrinsics import Intrinsics
+from puppet.tracking.cameras.oak_stream import (
     OakLostError,
     OakOutputs,
     OakShot,
@@ -19,7 +19,7 @@ from puppet.tracking.oak_stream import (
     intrinsics_of,
     shot_of,
 )
-from puppet.tracking.quiet_depthai import dai
+from puppet.tracking.cameras.quiet_depthai import dai
 from tests.oak_host import (
     IMU_TO_CAMERA,
     LENS,

@@ -10,7 +10,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from puppet.tracking.fusion import Fusion
 
 from puppet.cast import load_cast
 from puppet.commands.parts import parts_live
@@ -31,6 +30,7 @@ from puppet.net.part_messages import PartsRequest
 from puppet.net.stage import Stage
 from puppet.show import PartConfig, load_show
 from puppet.skeleton import Joint, Moment
+from puppet.tracking.fusion.fusion import Fusion
 from tests.shows import write_show
 from tests.test_parts import standing
 
@@ -181,7 +181,7 @@ def test_what_two_cameras_see_is_one_performer(show: Path) -> None:
         left = Tracker(bus, "left", one=(1, 0.02))
         right = Tracker(bus, "right", one=(8, -0.02))
         right.clock = 5000.0  # the clock of another machine
-        first = audience.until(SceneMessage, lambda s: True)
+        first = audience.until(SceneMessage, lambda _scene: True)
         seen = audience.later(first)
         assert len(seen.performers) == 1
         number = seen.performers[0].performer

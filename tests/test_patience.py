@@ -6,7 +6,7 @@ import threading
 
 import pytest
 
-from puppet.tracking.patience import OverdueError, Patient
+from puppet.tracking.cameras.patience import OverdueError, Patient
 
 
 def test_it_gives_what_the_call_gives() -> None:

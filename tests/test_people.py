@@ -15,15 +15,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from puppet.kernel import Floats
-from puppet.tracking import people
-from puppet.tracking.appearance import colours
-from puppet.tracking.blazepose import Landmarks, Region
-from puppet.tracking.camera import Image, Shot
-from puppet.tracking.duplicates import apart, same_body
-from puppet.tracking.intrinsics import Intrinsics
-from puppet.tracking.models import PoseModels
-from puppet.tracking.people import People
-from puppet.tracking.video_file import VideoFile
+from puppet.tracking.cameras.camera import Image, Shot
+from puppet.tracking.cameras.intrinsics import Intrinsics
+from puppet.tracking.cameras.video_file import VideoFile
+from puppet.tracking.people import people
+from puppet.tracking.people.appearance import colours
+from puppet.tracking.people.blazepose import Landmarks, Region
+from puppet.tracking.people.duplicates import apart, same_body
+from puppet.tracking.people.models import PoseModels
+from puppet.tracking.people.people import People
 from tests.pose_models import clip_or_skip, models_or_skip
 from tests.standing import HEIGHT, LENS, WIDTH, Figure, picture
 

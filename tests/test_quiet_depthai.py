@@ -13,14 +13,14 @@ from pathlib import Path
 
 import pytest
 
-from puppet.tracking.quiet_depthai import SWITCHES
+from puppet.tracking.cameras.quiet_depthai import SWITCHES
 
 REPOSITORY = Path(__file__).resolve().parents[1]
-DOOR = "puppet/tracking/quiet_depthai.py"
+DOOR = "puppet/tracking/cameras/quiet_depthai.py"
 
 #: What a session with an OAK does, as far as it goes without one.
 OURS = """
-from puppet.tracking.oak_listing import list_oaks
+from puppet.tracking.cameras.oak_listing import list_oaks
 from tests.oak_host import Script, host_stream
 list_oaks()
 stream = host_stream(Script(shots=20))
@@ -96,7 +96,10 @@ def test_without_the_switches_it_would_call_home_and_that_is_noticed(tmp_path: P
 
 
 def test_each_switch_is_set_whatever_it_was() -> None:
-    code = "import os, json, puppet.tracking.quiet_depthai\nprint(json.dumps(dict(os.environ)))"
+    code = (
+        "import os, json, puppet.tracking.cameras.quiet_depthai\n"
+        "print(json.dumps(dict(os.environ)))"
+    )
     done = subprocess.run(
         [sys.executable, "-c", code],
         cwd=REPOSITORY,
@@ -111,7 +114,11 @@ def test_each_switch_is_set_whatever_it_was() -> None:
 
 def test_looking_for_cameras_prints_nothing() -> None:
     done = subprocess.run(
-        [sys.executable, "-c", "from puppet.tracking.oak_listing import list_oaks; list_oaks()"],
+        [
+            sys.executable,
+            "-c",
+            "from puppet.tracking.cameras.oak_listing import list_oaks; list_oaks()",
+        ],
         cwd=REPOSITORY,
         env={key: value for key, value in os.environ.items() if key != "DEPTHAI_LEVEL"},
         capture_output=True,

@@ -23,15 +23,15 @@ from mcap_protobuf.decoder import DecoderFactory
 from numpy.typing import NDArray
 
 from puppet.errors import BadFileError, UnavailableError
-from puppet.tracking import raw_writer
-from puppet.tracking.camera import Camera, CameraInfo, Shot
-from puppet.tracking.intrinsics import Intrinsics
-from puppet.tracking.raw_format import METADATA_NAME, SHOT_SCHEMA, is_raw
-from puppet.tracking.raw_recording import RawRecording
-from puppet.tracking.raw_writer import ColourCoding, RawWriter
+from puppet.tracking.cameras import raw_writer
+from puppet.tracking.cameras.camera import Camera, CameraInfo, Shot
+from puppet.tracking.cameras.intrinsics import Intrinsics
+from puppet.tracking.cameras.raw_format import METADATA_NAME, SHOT_SCHEMA, is_raw
+from puppet.tracking.cameras.raw_recording import RawRecording
+from puppet.tracking.cameras.raw_writer import ColourCoding, RawWriter
+from puppet.tracking.cameras.video_file import VideoFile
 from puppet.tracking.source import SourceInfo
-from puppet.tracking.take import read_take, write_take
-from puppet.tracking.video_file import VideoFile
+from puppet.tracking.takes.take import read_take, write_take
 from puppet.tracking.watcher import Watcher
 from tests.cameras import First, Shots
 from tests.pose_models import clip_or_skip, models_or_skip

@@ -9,10 +9,10 @@ import pytest
 
 from puppet.commands import raw
 from puppet.errors import BadFileError, BadShowError, UnavailableError
-from puppet.tracking.open_camera import open_camera
-from puppet.tracking.raw_recording import RawRecording
-from puppet.tracking.video_file import VideoFile
-from puppet.tracking.webcam import Webcam
+from puppet.tracking.cameras.open_camera import open_camera
+from puppet.tracking.cameras.raw_recording import RawRecording
+from puppet.tracking.cameras.video_file import VideoFile
+from puppet.tracking.cameras.webcam import Webcam
 from tests.test_raw_recording import INFO, some_shots, write
 from tests.test_video_file import write_video
 from tests.test_webcam import FakeCapture, plugged

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from puppet.errors import BadFileError
-from puppet.tracking.recording import import_recording
-from puppet.tracking.rehearsal import Rehearsal
-from puppet.tracking.take import read_take, write_take
+from puppet.tracking.takes.recording import import_recording
+from puppet.tracking.takes.rehearsal import Rehearsal
+from puppet.tracking.takes.take import read_take, write_take
 from tests.moments import frames_of
 from tests.test_bvh import person
 from tests.test_kinect_import import MILLISECONDS, TICKS, bodies, csv1, csv2, skl

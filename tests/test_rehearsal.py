@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from puppet.skeleton import JOINT_PARENTS, Joint
-from puppet.tracking.choreography import HIDDEN, STEPPING, feet
-from puppet.tracking.rehearsal import DURATION, SECTIONS, Rehearsal, body
-from puppet.tracking.take import read_take
+from puppet.tracking.takes.choreography import HIDDEN, STEPPING, feet
+from puppet.tracking.takes.rehearsal import DURATION, SECTIONS, Rehearsal, body
+from puppet.tracking.takes.take import read_take
 from tests.moments import frames_of
 
 RATE = 60

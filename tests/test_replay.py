@@ -11,10 +11,10 @@ from hypothesis import strategies as st
 
 from puppet.errors import BadShowError
 from puppet.skeleton import Moment, SkeletonFrame
-from puppet.tracking.rehearsal import Rehearsal
-from puppet.tracking.replay import Repeat, Replay, paced
 from puppet.tracking.source import SourceInfo
-from puppet.tracking.take import Take
+from puppet.tracking.takes.rehearsal import Rehearsal
+from puppet.tracking.takes.replay import Repeat, Replay, paced
+from puppet.tracking.takes.take import Take
 
 REPEATS: tuple[Repeat, ...] = ("once", "loop", "ping-pong")
 

@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from puppet.tracking.intrinsics import Intrinsics
-from puppet.tracking.shot_check import depth_error, lens_doubt, lens_error
+from puppet.tracking.cameras.intrinsics import Intrinsics
+from puppet.tracking.cameras.shot_check import depth_error, lens_doubt, lens_error
 
 
 @given(

@@ -4,8 +4,8 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from puppet.tracking.blazepose import LANDMARK_COUNT, Landmarks, Region
-from puppet.tracking.sides import GAP, HOLD, Sides, reversed_in_depth
+from puppet.tracking.body.sides import GAP, HOLD, Sides, reversed_in_depth
+from puppet.tracking.people.blazepose import LANDMARK_COUNT, Landmarks, Region
 
 LEFT_SHOULDER, RIGHT_SHOULDER = 11, 12
 STEP = 1 / 30

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from puppet.kernel import Floats
-from puppet.tracking.camera import CameraInfo, Shot
-from puppet.tracking.floor_plane import find_floor
-from puppet.tracking.raw_recording import RawRecording
-from puppet.tracking.raw_writer import RawWriter
+from puppet.tracking.calibration.floor_plane import find_floor
+from puppet.tracking.cameras.camera import CameraInfo, Shot
+from puppet.tracking.cameras.raw_recording import RawRecording
+from puppet.tracking.cameras.raw_writer import RawWriter
 from tests.stereo import RATE, stereo_shots
 
 #: Nobody there; and somebody who has come in from the right, as seen in the image.

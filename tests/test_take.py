@@ -15,7 +15,7 @@ from mcap.reader import make_reader
 from puppet.errors import BadFileError
 from puppet.skeleton import JOINT_NAMES, Moment, SkeletonFrame
 from puppet.tracking.source import SourceInfo
-from puppet.tracking.take import SCHEMA, Take, read_take, write_take
+from puppet.tracking.takes.take import SCHEMA, Take, read_take, write_take
 
 INFO = SourceInfo("a test", "test", 30.0, synthetic=True, floor=(0.0, 1.0, 0.0, 0.0), note="n")
 RECORDED = sorted((Path(__file__).parent / "recorded_streams").glob("*.mcap"))
@@ -120,7 +120,7 @@ def test_a_take_of_another_format_version_is_refused(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     path = tmp_path / "a.mcap"
-    monkeypatch.setattr("puppet.tracking.take.FORMAT_VERSION", 99)
+    monkeypatch.setattr("puppet.tracking.takes.take.FORMAT_VERSION", 99)
     write_take(path, INFO, some_moments(3))
     monkeypatch.undo()
     with pytest.raises(BadFileError, match="another format version") as caught:

@@ -9,7 +9,7 @@ import tflite
 from hypothesis import given
 from hypothesis import strategies as st
 
-from puppet.tracking import tflite_to_onnx
+from puppet.tracking.people import tflite_to_onnx
 
 
 class Level:

@@ -13,9 +13,9 @@ import numpy as np
 import pytest
 
 from puppet.errors import BadFileError
-from puppet.tracking.camera import Camera, Image
-from puppet.tracking.intrinsics import Intrinsics
-from puppet.tracking.video_file import VideoFile
+from puppet.tracking.cameras.camera import Camera, Image
+from puppet.tracking.cameras.intrinsics import Intrinsics
+from puppet.tracking.cameras.video_file import VideoFile
 from tests.pose_models import clip_or_skip
 
 SIZE = (320, 240)

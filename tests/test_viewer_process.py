@@ -27,7 +27,7 @@ from puppet.net.messages import (
 )
 from puppet.net.scene import scene_of
 from puppet.show import load_show
-from puppet.tracking.rehearsal import Rehearsal
+from puppet.tracking.takes.rehearsal import Rehearsal
 
 REPOSITORY = Path(__file__).resolve().parents[1]
 SHOW = REPOSITORY / "configs/shows/demo.toml"

@@ -11,12 +11,12 @@ import pytest
 from puppet.errors import UnavailableError
 from puppet.kernel import Floats
 from puppet.skeleton import Joint
-from puppet.tracking.camera import Shot
-from puppet.tracking.models import PoseModels
-from puppet.tracking.people import People, Seen
+from puppet.tracking.cameras.camera import Shot
+from puppet.tracking.cameras.video_file import VideoFile
+from puppet.tracking.people.models import PoseModels
+from puppet.tracking.people.people import People, Seen
 from puppet.tracking.source import Source, Watchful
-from puppet.tracking.take import Take, read_take
-from puppet.tracking.video_file import VideoFile
+from puppet.tracking.takes.take import Take, read_take
 from puppet.tracking.watcher import Watcher
 from tests.cameras import First
 from tests.moments import frames_of

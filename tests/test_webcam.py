@@ -16,8 +16,8 @@ import numpy as np
 import pytest
 
 from puppet.errors import UnavailableError
-from puppet.tracking import webcam_refusal
-from puppet.tracking.webcam import Webcam
+from puppet.tracking.cameras import webcam_refusal
+from puppet.tracking.cameras.webcam import Webcam
 
 linux = pytest.mark.skipif(not sys.platform.startswith("linux"), reason="only Linux tells")
 

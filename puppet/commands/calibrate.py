@@ -20,8 +20,8 @@ from puppet.formats.calibration_file import (
     write_calibration,
 )
 from puppet.show import Show, SourceConfig, TrackingConfig, load_show
+from puppet.tracking.calibration.stage_pictures import StagePictures
 from puppet.tracking.open import open_source
-from puppet.tracking.stage_pictures import StagePictures
 from puppet.tracking.watcher import Watcher
 
 
@@ -104,7 +104,7 @@ def undo_calibration(path: Path) -> None:
 
 def write_board(path: Path, paper: str, overwrite: bool) -> None:
     """Write the board to print."""
-    from puppet.tracking.board_print import board_for, print_board
+    from puppet.tracking.calibration.board_print import board_for, print_board
 
     if path.exists() and not overwrite:
         raise BadShowError(

@@ -12,14 +12,19 @@ from puppet.commands.guide import Guide
 from puppet.errors import PuppetError
 from puppet.formats.calibration_file import CalibrationFile, CameraRow
 from puppet.skeleton import Joint, Moment
-from puppet.tracking.board_watch import BoardWatch, Lying, stage_by_board
-from puppet.tracking.calibration import CameraCalibration, device_of, lens_row, stance_row
-from puppet.tracking.camera import Shot
-from puppet.tracking.intrinsics import Intrinsics
-from puppet.tracking.lens import LensWatch
-from puppet.tracking.on_mark import FoundStage, OnMark
-from puppet.tracking.stage_frame import StageFromCamera
-from puppet.tracking.stage_pictures import NOW, StagePictures, picture
+from puppet.tracking.calibration.board_watch import BoardWatch, Lying, stage_by_board
+from puppet.tracking.calibration.calibration import (
+    CameraCalibration,
+    device_of,
+    lens_row,
+    stance_row,
+)
+from puppet.tracking.calibration.lens import LensWatch
+from puppet.tracking.calibration.on_mark import FoundStage, OnMark
+from puppet.tracking.calibration.stage_frame import StageFromCamera
+from puppet.tracking.calibration.stage_pictures import NOW, StagePictures, picture
+from puppet.tracking.cameras.camera import Shot
+from puppet.tracking.cameras.intrinsics import Intrinsics
 from puppet.tracking.watcher import Watcher
 
 #: Seconds that a performer gets to walk from the keyboard to the mark.

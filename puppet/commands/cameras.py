@@ -8,8 +8,8 @@ from pathlib import Path
 from rich.console import Console
 
 from puppet.errors import UnavailableError
-from puppet.tracking.oak_listing import list_oaks
-from puppet.tracking.webcam_refusal import DEVICES, refusal
+from puppet.tracking.cameras.oak_listing import list_oaks
+from puppet.tracking.cameras.webcam_refusal import DEVICES, refusal
 
 
 def list_cameras() -> None:

@@ -38,7 +38,7 @@ def check_fresh(path: Path, overwrite: bool) -> None:
 def record_take(path: Path, source: str, seconds: float | None, overwrite: bool) -> None:
     """Record a source until it ends, `seconds` are over or Ctrl-C is pressed."""
     from puppet.tracking.open import open_source
-    from puppet.tracking.take import TakeWriter
+    from puppet.tracking.takes.take import TakeWriter
 
     check_fresh(path, overwrite)
     stop = stop_event()
@@ -90,8 +90,8 @@ def record_take(path: Path, source: str, seconds: float | None, overwrite: bool)
 
 def import_files(files: list[Path], output: Path | None, overwrite: bool) -> int:
     """Import each file; one that cannot be read does not keep the others back. -> exit code"""
-    from puppet.tracking.recording import import_recording
-    from puppet.tracking.take import write_take
+    from puppet.tracking.takes.recording import import_recording
+    from puppet.tracking.takes.take import write_take
 
     into_folder = output is not None and (len(files) > 1 or output.is_dir())
     if output is not None and into_folder:
@@ -120,7 +120,7 @@ def import_files(files: list[Path], output: Path | None, overwrite: bool) -> int
 
 def get_models(cache: Path | None, wheel: Path | None) -> None:
     """Fetch the pose models, if they are not there; from a wheel, if one is given."""
-    from puppet.tracking.models import fetch_models, model_paths
+    from puppet.tracking.people.models import fetch_models, model_paths
 
     with contextlib.suppress(PuppetError):
         found = model_paths(cache)

@@ -23,7 +23,7 @@ from puppet.render.context import headless_context
 from puppet.render.output import open_output
 from puppet.render.window import Window, display_available
 from puppet.show import BusConfig, Show, load_show
-from puppet.tracking.calibrated import saved_stance, use_calibration
+from puppet.tracking.calibration.calibrated import saved_stance, use_calibration
 from puppet.tracking.open import is_device, open_source
 
 
@@ -157,7 +157,7 @@ def stage_show(path: Path, port: int | None) -> None:
         line.warm_up()
         fusion = None
         if len(show.all_sources) > 1:
-            from puppet.tracking.fusion import Fusion
+            from puppet.tracking.fusion.fusion import Fusion
 
             fusion = Fusion()
             fusion.warm_up()

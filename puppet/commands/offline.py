@@ -24,7 +24,7 @@ from puppet.render.scene import PuppetOnStage
 from puppet.render.sheet import contact_sheet
 from puppet.render.staging import Staging
 from puppet.show import Show, load_show
-from puppet.tracking.calibrated import saved_stance, use_calibration
+from puppet.tracking.calibration.calibrated import saved_stance, use_calibration
 from puppet.tracking.open import open_source
 from puppet.tracking.source import Source
 

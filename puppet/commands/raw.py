@@ -17,13 +17,13 @@ from rich.progress import (
 from puppet.commands.files import check_fresh, err, warn
 from puppet.commands.signals import stop_event
 from puppet.errors import BadShowError
-from puppet.tracking.camera import Camera
+from puppet.tracking.cameras.camera import Camera
 
 
 def record_raw(path: Path, source: str, seconds: float | None, overwrite: bool) -> None:
     """Record a camera until it ends, `seconds` are over or Ctrl-C is pressed."""
-    from puppet.tracking.open_camera import open_camera
-    from puppet.tracking.raw_writer import RawWriter
+    from puppet.tracking.cameras.open_camera import open_camera
+    from puppet.tracking.cameras.raw_writer import RawWriter
 
     check_fresh(path, overwrite)
     stop = stop_event()

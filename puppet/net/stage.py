@@ -32,7 +32,7 @@ IDLE_STEP = NOMINAL_STEP
 
 
 class Fuses(Protocol):
-    """Makes one moment of what several cameras see, as `puppet.tracking.fusion` does."""
+    """Makes one moment of what several cameras see, as `puppet.tracking.fusion.fusion` does."""
 
     def add(self, camera: str, moment: Moment, arrived: float) -> Moment | None:
         """Take in what a camera sees, heard at `arrived` (monotonic seconds)."""

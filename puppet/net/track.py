@@ -11,8 +11,8 @@ from puppet.net.bus import Bus
 from puppet.net.health import Health
 from puppet.net.messages import SkeletonMessage, encode
 from puppet.skeleton import Moment
-from puppet.tracking.replay import Replay, paced
 from puppet.tracking.source import Source, Watchful
+from puppet.tracking.takes.replay import Replay, paced
 
 #: Seconds by which a frame may be published behind its time before it counts as late.
 LATE = 0.1

@@ -9,9 +9,9 @@ from pathlib import Path
 from puppet.errors import BadShowError
 from puppet.oak_config import OakConfig
 from puppet.show import TrackingConfig
-from puppet.tracking.replay import Repeat, Replay
 from puppet.tracking.source import Source
-from puppet.tracking.take import read_take
+from puppet.tracking.takes.replay import Repeat, Replay
+from puppet.tracking.takes.take import read_take
 
 #: What can be typed, for help texts and errors.
 FORMS = "a take (.mcap), a raw recording, a video file, webcam:N, oak: or rehearsal"
@@ -45,7 +45,7 @@ def open_source(
     read, UnavailableError if a camera or the pose models are missing.
     """
     if text == "rehearsal":
-        from puppet.tracking.rehearsal import Rehearsal
+        from puppet.tracking.takes.rehearsal import Rehearsal
 
         rehearsal = Rehearsal(min(max_rate or 30.0, 30.0))
         return Replay.of(rehearsal, repeat=repeat, speed=speed)
@@ -71,7 +71,7 @@ def open_source(
 
 
 def _is_raw(path: Path) -> bool:
-    from puppet.tracking.raw_format import is_raw
+    from puppet.tracking.cameras.raw_format import is_raw
 
     return is_raw(path)
 
@@ -79,8 +79,8 @@ def _is_raw(path: Path) -> bool:
 def _watched(
     text: str, folder: Path | None, tracking: TrackingConfig | None, oak: OakConfig | None
 ) -> Source:
-    from puppet.tracking.models import model_paths
-    from puppet.tracking.open_camera import open_camera
+    from puppet.tracking.cameras.open_camera import open_camera
+    from puppet.tracking.people.models import model_paths
     from puppet.tracking.watcher import Watcher
 
     models = model_paths()  # first: without them a camera would be opened for nothing

@@ -13,13 +13,13 @@ from functools import partial
 from puppet.errors import UnavailableError
 from puppet.show import TrackingConfig
 from puppet.skeleton import Moment, SkeletonFrame
-from puppet.tracking.body import Body
-from puppet.tracking.calibration import CameraCalibration
-from puppet.tracking.camera import Camera, Shot
-from puppet.tracking.floor_watch import FloorWatch
-from puppet.tracking.level import Level
-from puppet.tracking.models import PoseModels
-from puppet.tracking.people import People, Seen
+from puppet.tracking.body.body import Body
+from puppet.tracking.calibration.calibration import CameraCalibration
+from puppet.tracking.calibration.floor_watch import FloorWatch
+from puppet.tracking.calibration.level import Level
+from puppet.tracking.cameras.camera import Camera, Shot
+from puppet.tracking.people.models import PoseModels
+from puppet.tracking.people.people import People, Seen
 from puppet.tracking.source import Plane, SourceInfo
 from puppet.tracking.stopwatch import Stopwatch
 

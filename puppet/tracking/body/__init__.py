@@ -1,0 +1,1 @@
+"""One performer's body: from landmarks to joints and their states."""

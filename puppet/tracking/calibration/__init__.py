@@ -1,0 +1,1 @@
+"""Where cameras stand: the floor, the stage, boards, and what is saved."""

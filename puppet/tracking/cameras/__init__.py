@@ -1,0 +1,1 @@
+"""Cameras: whatever gives shots, from a device or a file."""

@@ -1,0 +1,1 @@
+"""From raw joints to joints that may drive a puppet."""

@@ -1,0 +1,1 @@
+"""Who is in a shot: the pose network, and identities."""
