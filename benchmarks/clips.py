@@ -1,4 +1,4 @@
-"""Clips of people that PyPI wheels carry: what benchmarks, recorded streams and pictures start from.
+"""Clips of people that PyPI wheels carry: where benchmarks, recorded streams and pictures begin.
 
 Four calibrated views of one and of two people (Pose2Sim), and a man who leaps off a roof while a
 woman walks past (Sports2D); both BSD-3-Clause. Fetched with pip, never committed.
