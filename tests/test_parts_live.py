@@ -126,6 +126,9 @@ def on_stage(path: Path, *parts: PartConfig, cameras: int = 1) -> Iterator[tuple
     stop = threading.Event()
     with Bus.host(show.bus.endpoint, show.key) as hub:
         line = Line(load_cast(show, path), parts=parts)
+        line.warm_up()
+        if cameras > 1:
+            Fusion.warm_up()
         stage = Stage(line, hub, fusion=Fusion() if cameras > 1 else None)
         thread = threading.Thread(target=stage.run, args=(stop,))
         thread.start()
