@@ -192,6 +192,14 @@ class Supervisor:
                 else 0.0
                 for role, child in sorted(self.children.items())
             },
+            "tracking_ms": {
+                role: {
+                    gauge.removesuffix("_ms"): round(value, 2)
+                    for gauge, value in sorted(health.gauges.items())
+                }
+                for role, health in sorted(self._health.items())
+                if role.startswith("track") and health.gauges
+            },
             "seconds": round(elapsed, 2),
             "puppets": [puppet.name for puppet in self.show.puppets],
         }
