@@ -70,6 +70,31 @@ def test_a_joint_that_leaps_stays_on_the_body_and_is_inferred(
     assert (states == 2).all()
 
 
+@pytest.mark.parametrize("rate", [60.0, 120.0, 240.0])
+def test_a_hand_s_breadth_off_for_a_frame_is_no_movement(rate: float) -> None:
+    """Slow enough for a body on the whole, but no muscle throws and stops a hand like that."""
+    leaps, off = Leaps(), PERFORMED[0].copy()
+    off[Joint.HAND_LEFT, 1] += 0.18
+    seen = [
+        leaps.held_back(off if index == 5 else PERFORMED[0], ALL, index / rate)[1][Joint.HAND_LEFT]
+        for index in range(10)
+    ]
+    assert [int(state) for state in seen] == [2] * 5 + [1] + [2] * 4
+
+
+@pytest.mark.parametrize("rate", [30.0, 60.0, 240.0])
+def test_a_punch_passes(rate: float) -> None:
+    """From rest to 9 m/s within 60 ms, and back again."""
+    leaps = Leaps()
+    for index in range(round(rate / 2)):
+        time = index / rate
+        speed = 9.0 * max(0.0, 1.0 - abs(time - 0.2) / 0.06)
+        way = 9.0 * 0.06 * min(1.0, max(0.0, (time - 0.14) / 0.12)) if speed or time > 0.2 else 0.0
+        fist = PERFORMED[0].copy()
+        fist[Joint.HAND_LEFT, 0] += way
+        assert (leaps.held_back(fist, ALL, time)[1] == 2).all()
+
+
 def test_a_leap_that_stays_is_believed_when_time_has_made_it_possible() -> None:
     leaps, moved = Leaps(), PERFORMED[0].copy()
     moved[Joint.HAND_LEFT, 1] += 1.4

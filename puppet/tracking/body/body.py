@@ -1,6 +1,6 @@
 """One performer in one camera: from landmarks, frame after frame, to joints and their states.
 
-landmarks ──▶ sides, limb swaps (whose is what?) ──▶ lift (metres) ──▶ states (known how well?)
+landmarks ──▶ limb swaps, sides (whose is what?) ──▶ lift (metres) ──▶ states (known how well?)
           ──▶ leaps (possible?) ──▶ bone lengths (the same body as before) ──▶ seated
 """
 
@@ -45,8 +45,9 @@ class Body:
         """
         height, width = shot.colour.shape[:2]
         lens = shot.intrinsics or Intrinsics.assumed(width, height)
-        seen = self._sides.keep(landmarks, shot.time, look_again)
-        seen = self._swaps.undone(seen, shot.time)
+        seen = self._swaps.undone(landmarks, shot.time)
+        seen = self._sides.keep(seen, shot.time, look_again)
+        self._swaps.keep(seen, shot.time)
         lifted = self._lift(seen, shot, lens)
         states = self._states(seen, lifted.hidden, (width, height), shot.time)
         positions, states = self._leaps.held_back(lifted.positions, states, shot.time)

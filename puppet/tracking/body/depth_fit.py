@@ -20,6 +20,8 @@ VISIBLE: Final = 0.5
 AGREES: Final = 0.25
 AGREEMENT: Final = 0.5
 HALF_LIFE: Final = 0.2
+#: The share from which one image alone is believed, and the performer's size learnt from it.
+SURE: Final = 0.65
 #: How many times smaller or larger than the network's idea of a person somebody can be.
 SMALLEST, LARGEST = 0.4, 1.7
 #: Seconds over which a performer's size is averaged, and the longest step that counts as one.
@@ -62,13 +64,14 @@ class DepthFit:
         shape -= np.median(measured[trunk] - ratio * z[trunk])
         share = float((np.abs(shape) < AGREES).sum()) / float(seen.sum()) if plausible else 0.0
         if self._agreement is None:
-            self._agreement = share
+            self._agreement = share if share >= SURE else 0.0
         self._agreement += (1.0 - 0.5 ** (step / HALF_LIFE)) * (share - self._agreement)
         if not plausible or self._agreement < AGREEMENT:
             return None
+        if share >= SURE:
+            # The mean of all that was seen at first; later, of the last while.
+            self._sized = min(self._sized + max(step, 1e-3), SIZE_MEMORY)
+            self.size += max(step, 1e-3) / self._sized * (ratio - self.size)
         if self._sized <= 0.0:
-            self.size = ratio
-        # The mean of all that was seen at first; later, of the last while.
-        self._sized = min(self._sized + max(step, 1e-3), SIZE_MEMORY)
-        self.size += max(step, 1e-3) / self._sized * (ratio - self.size)
+            return None
         return float(np.median(measured[trunk] - self.size * z[trunk]))

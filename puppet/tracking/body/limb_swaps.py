@@ -1,7 +1,8 @@
 """Arms or legs that change sides for a few frames, though the body does not turn: undone.
 
 `sides.py` sees to the whole body. Where arms cross or legs pass each other, the network may
-exchange just these. No wrist goes over to the other's place within a frame, and back later.
+exchange just these. No wrist goes over to the other's place within a frame, and back later. It is
+undone before the whole body is looked at, which would be taken for turned.
 """
 
 from __future__ import annotations
@@ -18,6 +19,8 @@ _LIMBS: Final = (
     ([13, 15, 17, 19, 21], [14, 16, 18, 20, 22]),
     ([25, 27, 29, 31], [26, 28, 30, 32]),
 )
+#: Shoulders and hips, left and right: where these are exchanged, too, it is the whole body.
+_TRUNK: Final = ([11, 23], [12, 24])
 #: How far, in sides of the region, the two have to lie apart for an exchange to be told.
 APART: Final = 0.08
 #: Exchanged, the way from the frame before has to be this much shorter.
@@ -38,7 +41,7 @@ class LimbSwaps:
     def undone(self, landmarks: Landmarks, time: float) -> Landmarks:
         """The landmarks with limbs that have changed sides put back. time: capture time, s."""
         last = self._last
-        if last is not None and 0.0 < time - self._time <= GAP:
+        if last is not None and 0.0 < time - self._time <= GAP and not _turned(last, landmarks):
             for index, (left, right) in enumerate(_LIMBS):
                 if not _exchanged(last, landmarks, left, right):
                     self._since[index] = None
@@ -51,15 +54,33 @@ class LimbSwaps:
                     self._since[index] = None
         else:
             self._since = [None] * len(_LIMBS)
-        self._last, self._time = landmarks, time
+        self.keep(landmarks, time)
         return landmarks
+
+    def keep(self, landmarks: Landmarks, time: float) -> None:
+        """What has become of the frame in the end; the next one is compared with it."""
+        self._last, self._time = landmarks, time
+
+
+def _turned(last: Landmarks, now: Landmarks) -> bool:
+    """Whether left and right of the trunk are nearer to where the other was."""
+    straight, crossed = _ways(last, now, *_TRUNK)
+    return crossed < straight
 
 
 def _exchanged(last: Landmarks, now: Landmarks, left: list[int], right: list[int]) -> bool:
-    straight = _way(last, now, left, left) + _way(last, now, right, right)
-    crossed = _way(last, now, left, right) + _way(last, now, right, left)
+    straight, crossed = _ways(last, now, left, right)
     apart = float(np.linalg.norm(now.pixels[left] - now.pixels[right], axis=1).mean())
     return apart > APART * now.region.side and crossed < SHORTER * straight
+
+
+def _ways(
+    last: Landmarks, now: Landmarks, left: list[int], right: list[int]
+) -> tuple[float, float]:
+    """Pixels that left and right have gone if each stayed itself, and if they were exchanged."""
+    straight = _way(last, now, left, left) + _way(last, now, right, right)
+    crossed = _way(last, now, left, right) + _way(last, now, right, left)
+    return straight, crossed
 
 
 def _way(last: Landmarks, now: Landmarks, before: list[int], after: list[int]) -> float:
