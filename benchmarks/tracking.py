@@ -41,6 +41,7 @@ from benchmarks.tracking_scores import (
     report,
     report_joints,
     report_states,
+    trembling,
 )
 from puppet.kernel import Floats
 from puppet.tracking.cameras.camera import Depth
@@ -136,8 +137,15 @@ def measure_one(wheel: Path, scratch: Path, models: PoseModels, step: int) -> No
     report_states(colour)
     print()
     report_joints(colour, depth)
-    before, after = jitter_at_rest(scores), jitter_at_rest([conditioned(one) for one in scores])
-    print(f"\njitter at rest: {before:.1f} mm before conditioning, {after:.1f} mm after\n")
+    smooth = [conditioned(one) for one in scores]
+    (before, stretches), (after, _) = jitter_at_rest(scores), jitter_at_rest(smooth)
+    print(f"\njitter at rest ({stretches} stretches of a joint): {before:.1f} mm before ", end="")
+    print("conditioning, ", end="")
+    print(
+        f"{after:.1f} mm after;\ntrembling, at rest or not: {trembling(scores):.1f} mm before, ",
+        end="",
+    )
+    print(f"{trembling(smooth):.1f} mm after\n")
     print("DEPTH THAT IS WRONG must not be worse than none")
     report("none", every_view(views, tracks, truth, step=step))
     for name, spoil in WRONG.items():

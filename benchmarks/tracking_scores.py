@@ -88,19 +88,35 @@ def conditioned(one: Scores) -> Scores:
     return Scores(one.frames, np.array(out), one.states, one.truth)
 
 
-def jitter_at_rest(scores: Sequence[Scores]) -> float:
-    """Millimetres: how far joints tremble (RMS about a straight line) that are really at rest, seen
-    from the hips. Of frames that follow each other."""
+def trembling(scores: Sequence[Scores]) -> float:
+    """Millimetres: what joints do from picture to picture that the truth does not do, seen from the
+    hips; at rest or not."""
     squares = []
     for one in scores:
-        found, true = (points - points[:, :1] for points in (one.positions, one.truth))
-        speed = RATE * np.linalg.norm(np.gradient(true, axis=0), axis=2)
-        for joint in range(1, len(Joint)):
-            for first in range(WAKING, len(true) - RESTING_FRAMES + 1, RESTING_FRAMES // 2):
+        off = one.positions - one.positions[:, :1] - (one.truth - one.truth[:, :1])
+        # The second difference of a tremble of s millimetres in each frame is √6 · s.
+        squares.append((np.diff(off, 2, axis=0)[WAKING:] ** 2).sum(axis=2).mean() / 6.0)
+    return 1000.0 * float(np.sqrt(np.mean(squares)))
+
+
+def jitter_at_rest(scores: Sequence[Scores]) -> tuple[float, int]:
+    """Millimetres: how far joints tremble (RMS about a straight line, within a fifth of a second)
+    that are really at rest in the room; and in how many such stretches."""
+    squares = []
+    for one in scores:
+        for joint in range(len(Joint)):
+            for first in range(WAKING, len(one.truth) - RESTING_FRAMES + 1, RESTING_FRAMES // 2):
                 part = slice(first, first + RESTING_FRAMES)
-                if (speed[part, joint] < RESTING).all():
-                    squares.append(_off_line(found[part, joint]))
-    return 1000.0 * float(np.sqrt(np.mean(squares))) if squares else float("nan")
+                if _speed(one.truth[part, joint]) < RESTING:
+                    squares.append(_off_line(one.positions[part, joint]))
+    return 1000.0 * float(np.sqrt(np.mean(squares))) if squares else float("nan"), len(squares)
+
+
+def _speed(points: Floats) -> float:
+    """Metres a second from the first third of (N, 3) points to the last."""
+    third = len(points) // 3
+    way = points[-third:].mean(axis=0) - points[:third].mean(axis=0)
+    return float(np.linalg.norm(way)) * RATE / (len(points) - third)
 
 
 def _off_line(points: Floats) -> float:

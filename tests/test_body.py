@@ -88,8 +88,9 @@ def test_up_is_where_gravity_says_for_the_seated() -> None:
     np.testing.assert_allclose(trunk / np.linalg.norm(trunk), (0.6, 0.8, 0.0), atol=1e-9)
 
 
-def test_conditioning_wakes_up_for_the_seated() -> None:
-    body, condition = Body(seated=True), Conditioner()
+@pytest.mark.parametrize("seated", [True, False], ids=["seated", "only close to the camera"])
+def test_conditioning_wakes_up_for_half_a_body(seated: bool) -> None:
+    body, condition = Body(seated), Conditioner()
     for index in range(60):
         positions, states = body.joints(at_a_table(), shot(index / 30), never)
         frame = condition(SkeletonFrame(index / 30, index, 0, positions, states))
