@@ -119,8 +119,9 @@ class Line:
         now = {
             number: performer.step(seen.get(number), time, sequence)
             for number, performer in sorted(self._performers.items())
+            if number in seen or not performer.faded
         }
-        self.parts.step(tuple(seen.values()), time)
+        self.parts.step(moment.frames, time)  # zones are on the floor, not in the mirror
         holders = self.parts.holders
         poses = {}
         for name, driven in self._driven.items():

@@ -20,6 +20,8 @@ from puppet.skeleton import Joint, SkeletonFrame, TrackingState
 
 #: A hand counts as raised when it has been above the head for so long, seconds.
 RAISED_SECONDS: Final = 0.4
+#: Whoever is not seen for so long has left, seconds.
+LEFT: Final = 1.0
 _ARMS: Final = (
     (Joint.HAND_LEFT, Joint.ELBOW_LEFT),
     (Joint.HAND_RIGHT, Joint.ELBOW_RIGHT),
@@ -32,8 +34,8 @@ class _Part:
     holder: int | None = None
     #: When the holder was last where they have to be to keep it, capture time.
     held: float = 0.0
-    #: Who may not take it by the rule: an operator took it from them.
-    barred: set[int] = field(default_factory=set)
+    #: Who may not take it by the rule, for an operator took it from them, and when they were seen.
+    barred: dict[int, float] = field(default_factory=dict)
 
 
 class Parts:
@@ -74,7 +76,10 @@ class Parts:
                     part.held = time
                 elif time - part.held >= part.config.release_after:
                     part.holder = None
-            part.barred &= set(self._there)  # who has left may come back as anybody
+            part.barred |= {number: time for number in part.barred if number in self._there}
+            # Who has left, and not just been overlooked, may come back as anybody.
+            away = max(part.config.release_after, LEFT)
+            part.barred = {one: seen for one, seen in part.barred.items() if time - seen < away}
         for part in self._parts.values():
             if part.holder is None:
                 part.holder, part.held = self._candidate(part), time
@@ -92,14 +97,14 @@ class Parts:
                 expected=", ".join(map(str, self.there)) or "somebody before the camera",
                 found=str(performer),
             )
-        chosen.barred.discard(performer)
+        chosen.barred.pop(performer, None)
         chosen.holder, chosen.held = performer, self._there[performer].time
 
     def release(self, part: str) -> None:
         """Take a part from whoever plays it: its puppets rest until somebody else takes it."""
         chosen = self._part(part)
         if chosen.holder is not None:
-            chosen.barred.add(chosen.holder)
+            chosen.barred[chosen.holder] = chosen.held
             chosen.holder = None
 
     def reopen(self, part: str) -> None:
@@ -126,7 +131,7 @@ class Parts:
         rule = part.config.rule
         if rule == "operator":
             return None
-        taken = {other.holder for other in self._parts.values()} | part.barred
+        taken = {other.holder for other in self._parts.values()} | part.barred.keys()
         free = [
             frame
             for number, frame in self._there.items()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Final
 
 from puppet.mapping.stance import Stance
 from puppet.show import ConditioningConfig
@@ -30,6 +31,10 @@ class PerformerTick:
     steps: ConditioningSteps
 
 
+#: Influence that nobody sees.
+FAINT: Final = 0.001
+
+
 class Performer:
     """The memory of one performer. `number` is what the tracker calls them."""
 
@@ -46,6 +51,12 @@ class Performer:
         self.neutral = NeutralStance(stance)
         if stance is not None:
             self.condition.count_from(stance)
+
+    @property
+    def faded(self) -> bool:
+        """Whether nothing is left of them until they are seen again."""
+        steps = self.condition.steps
+        return steps is None or (not steps.states.any() and not (steps.influence > FAINT).any())
 
     def step(self, frame: SkeletonFrame | None, time: float, sequence: int) -> PerformerTick:
         """Take in what is seen of them, or None: then holding and easing go on."""

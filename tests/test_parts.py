@@ -135,9 +135,10 @@ def test_whoever_was_released_may_come_back_as_anybody_after_leaving() -> None:
     show = Show()
     show.play(1.0, a=(1, 0.0))
     show.parts.release("lead")
-    show.play(0.1)
-    show.play(0.1, a=(1, 0.0))
-    assert show.player() == 1
+    for seconds, player in ((0.1, None), (2.0, None), (3.1, 1)):  # overlooked, hidden, gone
+        show.play(seconds)
+        show.play(0.1, a=(1, 0.0))
+        assert show.player() == player
 
 
 def test_what_is_not_there_cannot_be_given() -> None:

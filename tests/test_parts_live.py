@@ -168,8 +168,11 @@ def test_coming_and_going_are_events_and_conditioning_can_be_watched(show: Path)
         audience.until(EventMessage, lambda e: e == event(e, "entered", 1))
         tracker.people = {"one": (1, 0.0), "two": (2, 1.5)}
         audience.until(EventMessage, lambda e: e == event(e, "entered", 2))
-        watched = audience.until(ConditioningMessage, lambda c: getattr(c, "performer", 0) == 2)
-        assert isinstance(watched, ConditioningMessage)
+        heard = audience.until(
+            ConditioningMessage, lambda c: len(getattr(c, "performers", ())) == 2
+        )
+        assert isinstance(heard, ConditioningMessage)
+        watched = next(one for one in heard.performers if one.performer == 2)
         raw = np.frombuffer(watched.steps["raw"]).reshape(20, 3)
         assert raw[Joint.SHOULDER_CENTER, 0] == pytest.approx(1.5)
         assert next(iter(watched.steps)) == "raw"

@@ -62,7 +62,7 @@ def render(
 
 @app.command()
 def record(
-    take: Annotated[Path, typer.Argument(help="The take to write, .mcap.")],
+    take: Annotated[Path, typer.Argument(help="The file to write, .mcap.")],
     source: Annotated[str, typer.Option(help="A video file, webcam:0, oak:, rehearsal, a take.")],
     seconds: Annotated[
         float | None,
@@ -73,7 +73,7 @@ def record(
         bool, typer.Option(help="Keep what the camera sees, not who is there: NAME.raw.mcap.")
     ] = False,
 ) -> None:
-    """Record a source as a take. Ctrl-C ends a recording and keeps it."""
+    """Record a source as a take, or what a camera sees. Ctrl-C ends a recording and keeps it."""
     if raw:
         from puppet.commands.raw import record_raw
 

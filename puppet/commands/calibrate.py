@@ -42,6 +42,7 @@ def calibrate_show(
             config.path,
             folder=None if source else path.parent,
             tracking=TrackingConfig(show.tracking.performers, show.tracking.seated),
+            oak=config.oak,
             warn=guide.warn,
         )
         with closing(opened):

@@ -9,7 +9,7 @@ from rich.console import Console
 
 from puppet.errors import UnavailableError
 from puppet.tracking.cameras.oak_listing import list_oaks
-from puppet.tracking.cameras.webcam_refusal import DEVICES, refusal
+from puppet.tracking.cameras.webcam_refusal import DEVICES, check_webcam
 
 
 def list_cameras() -> None:
@@ -24,10 +24,12 @@ def list_cameras() -> None:
 
 def _webcams() -> Iterator[str]:
     for device in sorted(DEVICES.glob("video*"), key=_number):
-        why = refusal(_number(device))
-        # A camera that is well is refused for no other reason than that it was not asked.
-        well = why is None or why.what == "gives no pictures"
-        yield f"webcam:{_number(device)}  {'free' if well else why.what if why else ''}"
+        state = "free"
+        try:
+            check_webcam(_number(device))
+        except UnavailableError as error:
+            state = error.what.removeprefix("this webcam ")
+        yield f"webcam:{_number(device)} ({state})"
 
 
 def _number(device: Path) -> int:

@@ -24,7 +24,7 @@ from puppet.render.output import open_output
 from puppet.render.window import Window, display_available
 from puppet.show import BusConfig, Show, load_show
 from puppet.tracking.calibration.calibrated import saved_stance, use_calibration
-from puppet.tracking.open import is_device, open_source
+from puppet.tracking.open import check_source, open_source
 
 
 def _say(text: str) -> None:
@@ -50,10 +50,11 @@ def run_show(
 ) -> int:
     """Supervise a whole show. -> exit code"""
     show = _load(path, port)
-    load_cast(show, path)  # what is wrong with the puppets is told once, before anything starts
     if source is not None:
         show = with_source(show, source)
+    # What is wrong with sources and puppets is told once, before anything starts.
     _check_sources(show, path, source)
+    load_cast(show, path)
     if not headless and not display_available():
         headless = True
         _say("there is no display: running without a window")
@@ -98,12 +99,10 @@ def with_source(show: Show, text: str) -> Show:
 
 
 def _check_sources(show: Show, path: Path, source: str | None) -> None:
-    """Open what is a file once and let it go: a wrong one is told before anything starts."""
+    """See whether each source is there, as far as that takes no time: nothing is kept open."""
     for config in show.all_sources:
-        text = config.path
-        if config.remote or text == "rehearsal" or is_device(text):
-            continue
-        open_source(text, folder=None if source else path.parent).close()
+        if not config.remote:
+            check_source(config.path, None if source else path.parent)
 
 
 def track_show(
@@ -134,9 +133,16 @@ def track_show(
     )
     use_calibration(opened, path, lambda warning: _say(f"puppet track: {warning}"))
     with Bus.join(show.bus.endpoint, show.key) as bus:
-        run_track(opened, bus, stop, camera or "")
-    for warning in getattr(opened, "warnings", ()):  # a video knows only when it is over
-        _say(f"puppet track: {warning}")
+        told: set[str] = set()
+
+        def warn(text: str) -> None:
+            told.add(text)
+            _say(f"puppet track: {text}")
+
+        run_track(opened, bus, stop, camera or "", warn)
+    for warning in getattr(opened, "warnings", ()):  # a video knows some only when it is over
+        if warning not in told:
+            warn(warning)
     if opened.info.live and not stop.is_set():
         _say(f"puppet track: {opened.info.name} gives no more pictures")
         sys.exit(3)  # not the end of a recording: to be started again

@@ -187,19 +187,25 @@ class PerformerNow(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         )
 
 
-class ConditioningMessage(Message, tag="conditioning", frozen=True, kw_only=True):
-    """Stage → whoever tunes: one performer's joints before and after each step of conditioning.
+class ConditionedSteps(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """One performer's joints before and after each step of conditioning.
 
     steps: name of the step -> 20 × 3 float64, metres, in the order in which a frame meets them;
         "raw" is what came in. states: 20 × uint8. influence, trust: 20 float64.
     """
 
-    time: float
     performer: int
     steps: dict[str, bytes]
     states: bytes
     influence: bytes
     trust: bytes
+
+
+class ConditioningMessage(Message, tag="conditioning", frozen=True, kw_only=True):
+    """Stage → whoever tunes: everybody's joints, step by step."""
+
+    time: float
+    performers: tuple[ConditionedSteps, ...]
 
 
 class EventMessage(Message, tag="event", frozen=True, kw_only=True):

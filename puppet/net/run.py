@@ -36,6 +36,8 @@ SUPERVISOR: Final = "PUPPET_SUPERVISOR"
 #: Exit code of a command that has told a person what is wrong: starting it again will not help.
 TOLD: Final = 2
 MEGABYTE: Final = 1024 * 1024
+#: Samples of memory, one a second, until a process counts as started.
+EARLY: Final = 11
 #: The order in which processes are ended.
 _LEAVING: Final = ("view", "track", "stage")
 
@@ -67,7 +69,9 @@ class Child:
         """Note how much memory it holds."""
         if self.process is not None and self.process.poll() is None:
             try:
-                self.rss_mb.append(psutil.Process(self.process.pid).memory_info().rss / MEGABYTE)
+                megabytes = psutil.Process(self.process.pid).memory_info().rss / MEGABYTE
+                # After start-up, and now: shows run for weeks.
+                self.rss_mb = [*self.rss_mb[:EARLY], megabytes]
             except psutil.Error:
                 return
 
@@ -187,7 +191,7 @@ class Supervisor:
             },
             "rss_mb_early": {
                 # After start-up, so that growth can be seen.
-                role: round(child.rss_mb[min(10, len(child.rss_mb) - 1)], 1)
+                role: round(child.rss_mb[min(EARLY - 1, len(child.rss_mb) - 1)], 1)
                 if child.rss_mb
                 else 0.0
                 for role, child in sorted(self.children.items())

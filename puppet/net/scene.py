@@ -8,6 +8,7 @@ from typing import Final
 
 from puppet.line import Tick
 from puppet.net.messages import (
+    ConditionedSteps,
     ConditioningMessage,
     EventKind,
     EventMessage,
@@ -17,6 +18,8 @@ from puppet.net.messages import (
 )
 from puppet.performer import PerformerTick
 
+#: Seconds for which somebody may be unseen without having left.
+ABSENT: Final = 1.0
 #: The steps of conditioning that are told, in the order in which a frame meets them.
 STEPS: Final = ("raw", "believed", "filtered", "predicted", "shown")
 
@@ -66,17 +69,19 @@ def _shown(now: PerformerTick, tick: Tick) -> Iterator[PerformerNow]:
     )
 
 
-def conditioning_of(now: PerformerTick, time: float) -> ConditioningMessage:
-    """One performer's joints before and after each step of conditioning."""
+def conditioning_of(tick: Tick) -> ConditioningMessage:
+    """Everybody's joints before and after each step of conditioning."""
+    return ConditioningMessage(time=tick.time, performers=tuple(map(_steps, tick.performers)))
+
+
+def _steps(now: PerformerTick) -> ConditionedSteps:
     steps = now.steps
-    positions = {name: getattr(steps, name) for name in STEPS}
-    return ConditioningMessage(
-        time=time,
-        performer=now.frame.performer,
-        steps={name: at.tobytes() for name, at in positions.items()},
-        states=steps.states.tobytes(),
-        influence=steps.influence.tobytes(),
-        trust=steps.trust.tobytes(),
+    return ConditionedSteps(
+        now.frame.performer,
+        {name: getattr(steps, name).tobytes() for name in STEPS},
+        steps.states.tobytes(),
+        steps.influence.tobytes(),
+        steps.trust.tobytes(),
     )
 
 
@@ -84,14 +89,18 @@ class Events:
     """Finds out who came and went, and who took or lost a part, from step to step."""
 
     def __init__(self) -> None:
-        self._there: frozenset[int] = frozenset()
+        self._seen: dict[int, float] = {}
         self._parts: dict[str, int | None] = {}
 
     def __call__(self, tick: Tick) -> list[EventMessage]:
         """What happened since the step before."""
-        there = frozenset(now.frame.performer for now in tick.performers if now.raw.present)
-        events = [self._event("entered", tick, one) for one in sorted(there - self._there)]
-        events += [self._event("left", tick, one) for one in sorted(self._there - there)]
+        there = {now.frame.performer for now in tick.performers if now.raw.present}
+        events = [self._event("entered", tick, one) for one in sorted(there - self._seen.keys())]
+        self._seen |= dict.fromkeys(there, tick.time)
+        for one, seen in sorted(self._seen.items()):
+            if tick.time - seen > ABSENT:
+                del self._seen[one]
+                events.append(self._event("left", tick, one))
         for part, player in tick.parts.items():
             before = self._parts.get(part)
             if before != player:
@@ -99,7 +108,7 @@ class Events:
                     events.append(self._event("lost", tick, before, part))
                 if player is not None:
                     events.append(self._event("took", tick, player, part))
-        self._there, self._parts = there, dict(tick.parts)
+        self._parts = dict(tick.parts)
         return events
 
     @staticmethod

@@ -21,6 +21,7 @@ from puppet.net.bus import Bus
 from puppet.net.health import Health
 from puppet.net.mapping_endpoint import answer_mapping
 from puppet.net.messages import CastMember, CastMessage, Decoder, SkeletonMessage, encode
+from puppet.net.numbers import Numbers
 from puppet.net.part_endpoint import PartEndpoint
 from puppet.net.scene import Events, conditioning_of, scene_of
 from puppet.net.stream_clock import NOMINAL_STEP, StageClock, StreamGate
@@ -71,6 +72,7 @@ class Stage:
         self._gates: dict[str, StreamGate] = {}
         self._gaps: dict[str, int] = {}
         self._clock = StageClock()
+        self._numbers = Numbers()
         self._heard = -1e9
         self._sequence = 0
         self._source, self._synthetic = "", False
@@ -132,6 +134,8 @@ class Stage:
         stream: object = message.stream_ns
         if self._fusion is not None and moment is not None:
             moment, stream = self._fusion.add(message.camera, moment, now), "fused"
+        elif moment is not None:
+            moment = self._numbers.kept(moment, stream)
         if moment is None:  # it is kept for the next moment of the leading camera
             self.health.counters["frames_posed"] += 1
             return
@@ -146,7 +150,13 @@ class Stage:
         place = (message.lens, message.depth)
         if self._lenses.get(message.camera) != place:
             self._lenses[message.camera] = place
-            self.line.stance = None if message.lens is None else self._stance
+            known = [lens is not None for lens, _ in self._lenses.values()]
+            self.line.stance = self._stance if all(known) else None
+            if len(known) > 1 and not all(known):
+                self.health.note = (
+                    "cameras that are not calibrated to one stage cannot be fused well: "
+                    + ", ".join(name for name, (lens, _) in self._lenses.items() if lens is None)
+                )
             if self._fusion is not None:
                 self._fusion.place_camera(message.camera, message.lens, message.depth)
 
@@ -183,8 +193,8 @@ class Stage:
             synthetic=self._synthetic,
         )
         self._publish(encode(scene))
-        for now in tick.performers:
-            self._show_conditioning(encode(conditioning_of(now, tick.time)))
+        if tick.performers:
+            self._show_conditioning(encode(conditioning_of(tick)))
         for event in self._events(tick):
             self._tell(encode(event))
         self.health.gauges["performers"] = sum(now.raw.present for now in tick.performers)

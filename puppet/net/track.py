@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from functools import partial
 
 from puppet.net.bus import Bus
@@ -22,11 +22,19 @@ ONLY_CAMERA = "camera"
 PATIENCE = 1.0
 
 
-def run_track(source: Source, bus: Bus, stop: threading.Event, camera: str = "") -> None:
+def run_track(
+    source: Source,
+    bus: Bus,
+    stop: threading.Event,
+    camera: str = "",
+    warn: Callable[[str], None] = lambda _text: None,
+) -> None:
     """Publish a source's moments, each at its time, until it ends or `stop` is set.
 
-    camera: the name of the source in its show, where there are several.
+    camera: the name of the source in its show, where there are several. warn: called with each
+    thing that is wrong and can be lived with, as soon as the source knows of it.
     """
+    told: set[str] = set()
     info = source.info
     stream_ns = time.monotonic_ns()
     health = Health(bus, track_role(camera), partial(_look, source))
@@ -43,7 +51,7 @@ def run_track(source: Source, bus: Bus, stop: threading.Event, camera: str = "")
             started = now - due if started is None else started
             if stop.wait(max(started + due - now, 0.0)):
                 break
-            health.counters["late"] += now - (started + due) > LATE
+            health.counters["late"] += not info.live and now - (started + due) > LATE
             message = SkeletonMessage.of(
                 moment,
                 source=info.name,
@@ -56,6 +64,10 @@ def run_track(source: Source, bus: Bus, stop: threading.Event, camera: str = "")
             )
             publish(encode(message))
             health.counters["frames"] += 1
+            for warning in _warnings(source):
+                if warning not in told:
+                    told.add(warning)
+                    warn(warning)
             if info.live:  # how old what was seen is when it goes out
                 health.gauges["age_ms"] = 1000.0 * (time.monotonic() - moment.time)
             health.counters["nobody"] += not moment.present
@@ -72,10 +84,16 @@ def _look(source: Source, health: Health) -> None:
         health.state = "trouble" if trouble else "running"
     if isinstance(source, Watchful):
         if not trouble:
-            health.note = f"{source.info.name}, floor: from {source.floor}"
-        health.gauges.update(source.milliseconds)
-        for event, count in source.events.items():
-            health.counters[event] = count
+            facts = (source.info.name, f"floor: from {source.floor}", *_warnings(source))
+            health.note = "; ".join(facts)
+        health.gauges.update(dict(source.milliseconds))
+        health.counters.update(
+            {event: n - health.counters[event] for event, n in dict(source.events).items()}
+        )
+
+
+def _warnings(source: Source) -> tuple[str, ...]:
+    return source.warnings if isinstance(source, Watchful) else ()
 
 
 def _let_go(source: Source, stop: threading.Event) -> None:

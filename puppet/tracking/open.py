@@ -24,6 +24,32 @@ def is_device(text: str) -> bool:
     return text == "oak" or text.startswith(DEVICES)
 
 
+def check_source(text: str, folder: Path | None = None) -> None:
+    """See whether a source is there, without keeping it open or loading the pose models.
+
+    Raises what `open_source` would. A device is looked for and not opened.
+    """
+    if text == "rehearsal":
+        return
+    if text == "oak" or text.startswith("oak:"):
+        from puppet.tracking.cameras.oak_listing import choose_oak, list_oaks
+
+        choose_oak(text.partition(":")[2], list_oaks())
+    elif text.startswith("webcam:"):
+        from puppet.tracking.cameras.open_camera import webcam_number
+        from puppet.tracking.cameras.webcam_refusal import check_webcam
+
+        check_webcam(webcam_number(text))
+    else:
+        path = _existing(text, folder)
+        if path.suffix.lower() == ".mcap" and not _is_raw(path):
+            read_take(path)
+        else:
+            from puppet.tracking.cameras.open_camera import open_camera
+
+            open_camera(text, folder=folder).close()
+
+
 def open_source(
     text: str,
     *,
@@ -50,15 +76,7 @@ def open_source(
         rehearsal = Rehearsal(min(max_rate or 30.0, 30.0))
         return Replay.of(rehearsal, repeat=repeat, speed=speed)
     if not is_device(text):
-        path = Path(text) if folder is None else folder / text
-        if not path.exists():
-            raise BadShowError(
-                "there is no such source",
-                where=path.resolve(),
-                expected=FORMS,
-                found=f"{text!r}, and no such file",
-                hint=None if folder is None else "paths in a show start from the show's own file",
-            )
+        path = _existing(text, folder)
         if path.suffix.lower() == ".mcap" and not _is_raw(path):
             take = read_take(path)
             take = replace(take, info=replace(take.info, name=path.name))
@@ -68,6 +86,19 @@ def open_source(
                 take = take.thinned(max_rate)
             return Replay.of(take, repeat=repeat, speed=speed)
     return _watched(text, folder, tracking, oak)
+
+
+def _existing(text: str, folder: Path | None) -> Path:
+    path = Path(text) if folder is None else folder / text
+    if not path.exists():
+        raise BadShowError(
+            "there is no such source",
+            where=path.resolve(),
+            expected=FORMS,
+            found=f"{text!r}, and no such file",
+            hint=None if folder is None else "paths in a show start from the show's own file",
+        )
+    return path
 
 
 def _is_raw(path: Path) -> bool:

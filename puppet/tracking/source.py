@@ -61,6 +61,11 @@ class Watchful(Protocol):
     """
 
     @property
+    def warnings(self) -> tuple[str, ...]:
+        """What was wrong so far and could be lived with."""
+        ...
+
+    @property
     def lens(self) -> tuple[float, float, float] | None:
         """Where the lens is on the calibrated stage, metres; None if that is not known."""
         ...

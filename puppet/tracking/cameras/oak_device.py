@@ -46,6 +46,9 @@ def open_oak(oak: OakFound, config: OakConfig) -> OakStream:
     except RuntimeError as error:
         device.close()
         raise _cannot_open(oak, error) from error
+    except UnavailableError:
+        device.close()
+        raise
     return stream
 
 

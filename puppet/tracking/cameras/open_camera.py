@@ -21,13 +21,10 @@ def open_camera(text: str, *, folder: Path | None = None, oak: OakConfig | None 
     """
     kind, colon, rest = text.partition(":")
     if colon and kind == "webcam":
-        if not (rest.isascii() and rest.isdigit()):
-            raise BadShowError(
-                "this is not a webcam", where="source", expected="webcam:0, webcam:1, …", found=text
-            )
+        number = webcam_number(text)
         from puppet.tracking.cameras.webcam import Webcam
 
-        return Webcam(int(rest))
+        return Webcam(number)
     if text == "oak" or (colon and kind == "oak"):
         from puppet.tracking.cameras.oak import OakCamera
 
@@ -48,3 +45,13 @@ def open_camera(text: str, *, folder: Path | None = None, oak: OakConfig | None 
     from puppet.tracking.cameras.video_file import VideoFile
 
     return VideoFile(path)
+
+
+def webcam_number(text: str) -> int:
+    """The number in ``webcam:N``. Raises BadShowError if there is none."""
+    number = text.partition(":")[2]
+    if not (number.isascii() and number.isdigit()):
+        raise BadShowError(
+            "this is not a webcam", where="source", expected="webcam:0, webcam:1, …", found=text
+        )
+    return int(number)

@@ -9,7 +9,6 @@ from typing import Any, Final
 
 import cv2
 
-from puppet.errors import UnavailableError
 from puppet.tracking.cameras.camera import CameraInfo, Shot
 from puppet.tracking.cameras.webcam_refusal import Refusal, refusal
 
@@ -85,9 +84,4 @@ def _open(index: int) -> tuple[Any, float]:
     why = refusal(index) or Refusal(
         "does not answer", "see whether it is plugged in, is free, and may be used by this user"
     )
-    raise UnavailableError(
-        f"this webcam {why.what}",
-        where=f"webcam:{index}",
-        found=why.found,
-        hint=f"{why.hint}; takes and `rehearsal` need no camera",
-    )
+    raise why.error(index)

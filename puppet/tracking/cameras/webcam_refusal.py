@@ -12,6 +12,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
+from puppet.errors import UnavailableError
+
 DEVICES: Final = Path("/dev")
 PROCESSES: Final = Path("/proc")
 #: `VIDIOC_REQBUFS` of videodev2.h, asked for no buffers: changes nothing, and is refused as busy
@@ -27,6 +29,23 @@ class Refusal:
     what: str
     hint: str
     found: str | None = None
+
+    def error(self, index: int) -> UnavailableError:
+        """The refusal of `webcam:index`, to be raised."""
+        return UnavailableError(
+            f"this webcam {self.what}",
+            where=f"webcam:{index}",
+            found=self.found,
+            hint=f"{self.hint}; takes and `rehearsal` need no camera",
+        )
+
+
+def check_webcam(index: int) -> None:
+    """Raises UnavailableError if it can be told, without opening it, that it will be refused."""
+    why = refusal(index)
+    # One that is well is refused for no better reason than that nobody has asked it for pictures.
+    if why is not None and why.what != "gives no pictures":
+        raise why.error(index)
 
 
 def refusal(index: int) -> Refusal | None:

@@ -25,6 +25,9 @@ ALIKE: Final = 0.3
 #: Seconds for which it is remembered where somebody was whom no camera sees.
 REMEMBERED: Final = 2.0
 
+#: Numbers that are remembered to have been given.
+NUMBERS_KEPT: Final = 512
+
 _NEVER: Final = 1e6
 
 
@@ -159,6 +162,11 @@ class Matching:
             return known
         ours = number if number not in self._used else max(self._used) + 1
         self._used.add(ours)
+        if len(self._used) > NUMBERS_KEPT:  # in weeks, visitors by the thousand: only the latest
+            self._used = set(sorted(self._used)[-NUMBERS_KEPT // 2 :])
+        for known_to in self._known:
+            for old in list(known_to)[: -NUMBERS_KEPT // 2]:
+                del known_to[old]
         return ours
 
 

@@ -201,7 +201,7 @@ class People:
             self._correct(person, seen, bodies)
         taken = list(seen.values())
         found = [body for body in distinct(taken + bodies) if body not in taken]
-        back = self._roster.match(found, hidden)
+        back = self._roster.match(found[: max(0, self._most - len(seen))], hidden)
         seen.update(back)
         returned = list(back.values())
         fresh = [body for body in found if body not in returned]
