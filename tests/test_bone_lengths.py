@@ -131,3 +131,34 @@ def test_any_frame_rate_teaches_the_same(rate: float) -> None:
         lengths(PERFORMED[0], ALL, index / rate)
     np.testing.assert_allclose(lengths.lengths[BONES], bones(PERFORMED[0]), rtol=0.35)
     assert lengths.lengths[Joint.KNEE_LEFT] == pytest.approx(bones(PERFORMED[0])[11], rel=0.01)
+
+
+def other_side(positions: Floats, joint: Joint) -> Floats:
+    """The same image and length of the bone, which points to the camera instead of away."""
+    ray = positions[joint] / positions[joint, 2]
+    parent = positions[_PARENTS[joint]]
+    nearest = float(ray @ parent) / float(ray @ ray)
+    moved = positions.copy()
+    moved[joint] = ray * (2.0 * nearest - positions[joint, 2])
+    return moved
+
+
+@pytest.mark.parametrize("rate", [10.0, 30.0, 240.0])
+def test_a_bone_turns_to_the_other_side_if_the_network_insists_and_not_for_a_moment(
+    rate: float,
+) -> None:
+    lengths = taught()
+    before = PERFORMED[0].copy()
+    before[Joint.ELBOW_LEFT] = before[Joint.SHOULDER_LEFT] + (0.1, -0.15, 0.2)
+    after = other_side(before, Joint.ELBOW_LEFT)
+    away = abs(after[Joint.ELBOW_LEFT, 2] - before[Joint.ELBOW_LEFT, 2])
+    assert away > 0.3
+    time, z = 30.0, []
+    for seconds, seen in ((1.0, before), (0.1, after), (0.5, before), (1.0, after)):
+        for _ in range(max(1, round(rate * seconds))):
+            time += 1.0 / rate
+            held = lengths(seen, ALL, time)
+        z.append(abs(held[Joint.ELBOW_LEFT, 2] - before[Joint.ELBOW_LEFT, 2]))
+    assert z[1] < 0.6 * away
+    assert z[2] < 0.1
+    assert z[3] > away - 0.1
