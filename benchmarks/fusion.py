@@ -68,8 +68,9 @@ def on_stage(camera: str, positions: Floats) -> Floats:
 
 
 def takes() -> dict[str, list[Moment]]:
-    """The four takes, in the common stage frame."""
-    return {
+    """The four takes, in the common stage frame. Where a view does not see the performer (in its
+    first pictures), it has what it sees next."""
+    views = {
         camera: [
             replace(
                 moment,
@@ -82,6 +83,12 @@ def takes() -> dict[str, list[Moment]]:
         ]
         for camera in ROOM
     }
+    for seen in views.values():
+        for index in reversed(range(len(seen) - 1)):
+            if not seen[index].present:
+                moment = seen[index]
+                seen[index] = seen[index + 1].at(moment.time, moment.sequence)
+    return views
 
 
 def fused(views: dict[str, list[Moment]], *, aware: bool = True) -> list[Moment]:

@@ -63,8 +63,8 @@ STEEPEST = {
     "fish": 220.0,
     "dog": 220.0,
     "lamp": 950.0,
-    "ostrich": 620.0,
-    "snake": 850.0,
+    "ostrich": 640.0,
+    "snake": 920.0,
     "seagull": 1350.0,
     "seagull_with_master": 1350.0,
 }

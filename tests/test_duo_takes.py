@@ -74,7 +74,7 @@ def test_he_lifts_a_leg_and_comes_nearer_as_in_the_clip(path: Path) -> None:
         apart = positions[0][Joint.HIP_CENTER] - positions[1][Joint.HIP_CENTER]
         distances.append(float(np.linalg.norm(apart)))
     # One balances on one leg, the other stands on both.
-    assert max(lifted.values()) > 0.3
+    assert max(lifted.values()) > 0.25
     assert min(lifted.values()) < 0.25
     first, last = np.median(distances[:10]), np.median(distances[-10:])
     assert last < first - 0.3
