@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from benchmarks.ground_truth import GroundTruth, View, read_views, triangulate
 from puppet.kernel import Floats
 from puppet.tracking.body.body import Body
+from puppet.tracking.body.sides import Sides
 from puppet.tracking.cameras.camera import Depth, Shot
 from puppet.tracking.cameras.video_file import VideoFile
 from puppet.tracking.people.blazepose import Landmarks
@@ -114,9 +115,24 @@ def same_people(views: Sequence[View], tracks: Sequence[Sequence[Track]]) -> lis
 
 
 def ground_truth(views: Sequence[View], tracks: Sequence[Track]) -> GroundTruth:
-    """One performer, from all views."""
-    found = [[None if look is None else look.landmarks for look in track] for track in tracks]
+    """One performer, from all views; where a view takes front for back for some pictures, as it
+    goes on from those before."""
+    found: list[list[Landmarks | None]] = []
+    for track in tracks:
+        sides = Sides()
+        found.append(
+            [
+                None if look is None else sides.keep(look.landmarks, look.time, look.turned.get)
+                for look in track
+            ]
+        )
     return triangulate(views, found)
+
+
+def truth_without(index: int, views: Sequence[View], tracks: Sequence[Track]) -> GroundTruth:
+    """What the other views say, of which that one knows nothing."""
+    rest = [other for other in range(len(views)) if other != index]
+    return ground_truth([views[other] for other in rest], [tracks[other] for other in rest])
 
 
 def tracked(

@@ -34,6 +34,7 @@ from benchmarks.tracked_views import (
     look_at,
     same_people,
     tracked,
+    truth_without,
 )
 from benchmarks.tracking_scores import (
     conditioned,
@@ -103,19 +104,16 @@ def say_truth(views: Sequence[View], tracks: Sequence[Track], truth: GroundTruth
     """How many frames are tracked, and how sure the ground truth is."""
     count = sum(map(len, tracks))
     seen = sum(look is not None for track in tracks for look in track)
-    without = []
-    for index in range(len(views)):
-        rest = [i for i in range(len(views)) if i != index]
-        fewer = ground_truth([views[i] for i in rest], [tracks[i] for i in rest]).joints
-        without.append(np.linalg.norm(fewer - truth.joints, axis=2))
+    fewer = [truth_without(index, views, tracks).joints for index in range(len(views))]
+    without = [np.linalg.norm(joints - truth.joints, axis=2) for joints in fewer]
     print(
         f"tracked: {seen} of {count} frames. Ground truth: the views that agree miss it by ", end=""
     )
     print(
-        f"{truth.residual:.0f} pixels (median);\n{100 * truth.left_out:.0f} % of what views found ",
+        f"{truth.residual:.0f} pixels\n(median), {100 * truth.left_out:.0f} % of what views ",
         end="",
     )
-    print("is left out; without any one view a joint is elsewhere by ", end="")
+    print("found is left out; without any one view a joint is elsewhere by ", end="")
     print(f"{1000 * np.nanmedian(without):.0f} mm (median)\n")
 
 
@@ -132,6 +130,11 @@ def measure_one(wheel: Path, scratch: Path, models: PoseModels, step: int) -> No
     scores = every_view(views, tracks, truth)
     colour = report("colour alone", scores)
     report("colour alone, lens not known", every_view(views, tracks, truth, lens=False))
+    of_others = [
+        tracked(view, track, truth_without(index, views, tracks).joints)
+        for index, (view, track) in enumerate(zip(views, tracks, strict=True))
+    ]
+    report("colour alone, truth of other views", of_others)
     depth = report("colour and depth", with_depth(views, tracks, truth, images, step))
     print()
     report_states(colour)
