@@ -153,9 +153,8 @@ def test_a_camera_that_comes_or_goes_moves_no_joint_faster_than_the_bound(
         own = steps[max(0, number - 6) : number + 1].max(axis=0)
         dt = times[after] - times[before]
         frames = max(1.0, 60.0 * dt)
-        # Where directions count, two ways may add up to a little more than the longer one.
-        most = 1.25 if aware else 1.0
-        assert (moved <= most * frames * own + FASTEST * dt + 1e-9).all()
+        # Two ways may add up to a little more than the longer one.
+        assert (moved <= 1.25 * frames * own + FASTEST * dt + 1e-9).all()
 
 
 def still(away: float, *lost: Joint) -> Callable[[float], Sequence[SkeletonFrame]]:
