@@ -56,9 +56,10 @@ RATE = 30
 #: when both go, opposite ways. FK passes that on: 225 to 450 for an arm's two bones, with which
 #: fins and legs turn; and 1350 for a hand of 8.5 cm, with which the lamp's shade turns. Under IK
 #: chains bend the more the straighter they are and the further they are asked to go. What is
-#: allowed is a fifth more than what was measured: 177 (fish, dog), 802 (lamp), 1130 (the gulls, whose necks of two short bones fold from one side to the other
-#: within a frame or two); and little more than the one steepest frame of the ostrich (623) and of the
-#: snake (900), whose other frames stay below two thirds of that.
+#: allowed is a fifth more than what was measured: 177 (fish, dog), 802 (lamp), 1130 (the gulls,
+#: whose necks of two short bones fold from one side to the other within a frame or two); and little
+#: more than the one steepest frame of the ostrich (623) and of the snake (900), whose other frames
+#: stay below two thirds of that.
 STEEPEST = {
     "fish": 220.0,
     "dog": 220.0,
