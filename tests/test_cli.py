@@ -24,6 +24,9 @@ COMMANDS = (
     "import",
     "map",
     "decide",
+    "parts",
+    "cameras",
+    "calibrate",
     "models",
 )
 

@@ -247,6 +247,7 @@ class Supervisor:
         before = self._health.get(health.role)
         if before is not None and before.pid != health.pid:  # it was started again
             self._past.setdefault(health.role, Counter()).update(before.counters)
+        self._tell_trouble(before, health)
         self._health[health.role] = health
         if (
             health.role == "view"
@@ -256,6 +257,14 @@ class Supervisor:
             self._drawn_before = health.counters["frames_drawn"]
             self._first_drawn = time.monotonic()
             self._say("the show is on")
+
+    def _tell_trouble(self, before: HealthMessage | None, now: HealthMessage) -> None:
+        """A camera that is lost or found again is told once, for those who read the log later."""
+        was = before is not None and before.state == "trouble"
+        if now.state == "trouble" and not was:
+            self._say(f"{now.role}: {now.note}")
+        elif was and now.state == "running":
+            self._say(f"{now.role}: all is well again")
 
     def _states(self) -> str:
         known = (f"{role} {self._health[role].state}" for role in sorted(self._health))
