@@ -13,7 +13,6 @@ import fcntl
 import json
 import os
 import re
-import time
 from collections.abc import Collection, Iterable, Iterator
 from pathlib import Path
 from typing import Annotated, Any, Final
@@ -21,6 +20,7 @@ from typing import Annotated, Any, Final
 import msgspec
 
 from puppet.errors import BadFileError, UnavailableError
+from puppet.formats.replace import replace_file
 from puppet.mapping.decisions import Act, Decision
 from puppet.mapping.proposal import Mode
 
@@ -30,8 +30,6 @@ _HEADER: Final = """\
 # read, kept in version control and edited while no show is running. docs/formats.md describes it.
 """
 _END: Final = "[end]  # without this line the file counts as cut off\n"
-#: Seconds after which the part of a file that a killed process left is nobody's any more.
-_STALE: Final = 60.0
 
 
 class KeptRecord(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -209,37 +207,10 @@ def write_mappings(path: Path, file: MappingFile) -> None:
 
     Raises UnavailableError if that is not possible; then the old file is as it was.
     """
-    data = "".join(_lines(file)).encode()
     try:
-        path = path.resolve()  # what a link leads to is replaced, not the link
-        _sweep(path)
-        part = path.with_name(f".{path.name}.{os.getpid()}-{time.time_ns():x}")
-        mode = path.stat().st_mode & 0o777 if path.exists() else 0o666
-        try:
-            with os.fdopen(os.open(part, os.O_WRONLY | os.O_CREAT | os.O_EXCL, mode), "wb") as out:
-                out.write(data)
-                out.flush()
-                os.fsync(out.fileno())
-            part.replace(path)
-        except BaseException:
-            part.unlink(missing_ok=True)
-            raise
-        folder = os.open(path.parent, os.O_RDONLY)
-        try:
-            os.fsync(folder)
-        finally:
-            os.close(folder)
+        replace_file(path, "".join(_lines(file)).encode())
     except OSError as error:
         raise _not_saved(path, error) from None
-
-
-def _sweep(path: Path) -> None:
-    """Remove what killed processes left of this file."""
-    for left in path.parent.iterdir():
-        if left.name.startswith(f".{path.name}."):
-            with contextlib.suppress(OSError):
-                if time.time() - left.stat().st_mtime > _STALE:
-                    left.unlink()
 
 
 @contextlib.contextmanager
