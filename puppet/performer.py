@@ -47,16 +47,11 @@ class Performer:
         """stance: the neutral one, if it was captured before the show."""
         self.number = number
         self.seen = 0.0  # capture time at which somebody was there last
+        self.faded = False  # whether nothing is left of them until they are seen again
         self.condition = Conditioner(conditioning)
         self.neutral = NeutralStance(stance)
         if stance is not None:
             self.condition.count_from(stance)
-
-    @property
-    def faded(self) -> bool:
-        """Whether nothing is left of them until they are seen again."""
-        steps = self.condition.steps
-        return steps is None or (not steps.states.any() and not (steps.influence > FAINT).any())
 
     def step(self, frame: SkeletonFrame | None, time: float, sequence: int) -> PerformerTick:
         """Take in what is seen of them, or None: then holding and easing go on."""
@@ -65,6 +60,7 @@ class Performer:
         elif frame.present:
             self.seen = time
         conditioned = self.condition(frame)
+        self.faded = not frame.present and not (conditioned.influence > FAINT).any()
         anew = self.neutral(conditioned)
         if anew and self.neutral.stance is not None:
             self.condition.count_from(self.neutral.stance)

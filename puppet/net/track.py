@@ -36,8 +36,9 @@ def run_track(
     """
     told: set[str] = set()
     info = source.info
+    watcher = source if isinstance(source, Watchful) else None
     stream_ns = time.monotonic_ns()
-    health = Health(bus, track_role(camera), partial(_look, source))
+    health = Health(bus, track_role(camera), partial(_look, source, watcher))
     publish = bus.publisher(f"skeleton/{camera or ONLY_CAMERA}")
     bus.be_present("track", str(stream_ns))
     if not info.live:
@@ -56,15 +57,15 @@ def run_track(
                 moment,
                 source=info.name,
                 camera=camera,
-                lens=source.lens if isinstance(source, Watchful) else None,
-                depth=isinstance(source, Watchful) and source.has_depth,
+                lens=None if watcher is None else watcher.lens,
+                depth=watcher is not None and watcher.has_depth,
                 synthetic=info.synthetic,
                 stream_ns=stream_ns,
                 sent_ns=time.monotonic_ns(),
             )
             publish(encode(message))
             health.counters["frames"] += 1
-            for warning in _warnings(source):
+            for warning in () if watcher is None else watcher.warnings:
                 if warning not in told:
                     told.add(warning)
                     warn(warning)
@@ -76,24 +77,21 @@ def run_track(
         health.close()
 
 
-def _look(source: Source, health: Health) -> None:
+def _look(source: Source, watcher: Watchful | None, health: Health) -> None:
     """What the source says of itself, into the health."""
     trouble = source.trouble
     health.note = trouble or source.info.name
     if health.state in ("running", "trouble"):
         health.state = "trouble" if trouble else "running"
-    if isinstance(source, Watchful):
-        if not trouble:
-            facts = (source.info.name, f"floor: from {source.floor}", *_warnings(source))
-            health.note = "; ".join(facts)
-        health.gauges.update(dict(source.milliseconds))
-        health.counters.update(
-            {event: n - health.counters[event] for event, n in dict(source.events).items()}
-        )
-
-
-def _warnings(source: Source) -> tuple[str, ...]:
-    return source.warnings if isinstance(source, Watchful) else ()
+    if watcher is None:
+        return
+    if not trouble:
+        facts = (source.info.name, f"floor: from {watcher.floor}", *watcher.warnings)
+        health.note = "; ".join(facts)
+    # Copied first: the tracker may add to them meanwhile.
+    health.gauges.update(dict(watcher.milliseconds))
+    for event, count in dict(watcher.events).items():
+        health.counters[event] = count
 
 
 def _let_go(source: Source, stop: threading.Event) -> None:
