@@ -35,6 +35,19 @@ def check_fresh(path: Path, overwrite: bool) -> None:
         raise BadShowError("there is no such folder", where=path.resolve().parent)
 
 
+def recording_progress(field: str) -> Progress:
+    """How far a recording is. field: what of its own it tells beside that."""
+    return Progress(
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TextColumn(f"{{task.fields[{field}]}}"),
+        TimeElapsedColumn(),
+        TimeRemainingColumn(),
+        console=err,
+    )
+
+
 def record_take(path: Path, source: str, seconds: float | None, overwrite: bool) -> None:
     """Record a source until it ends, `seconds` are over or Ctrl-C is pressed."""
     from puppet.tracking.open import open_source
@@ -48,15 +61,7 @@ def record_take(path: Path, source: str, seconds: float | None, overwrite: bool)
     written = present = 0
     started: float | None = None
     with (
-        Progress(
-            TextColumn("{task.description}"),
-            BarColumn(),
-            MofNCompleteColumn(),
-            TextColumn("{task.fields[seen]}"),
-            TimeElapsedColumn(),
-            TimeRemainingColumn(),
-            console=err,
-        ) as progress,
+        recording_progress("seen") as progress,
         TakeWriter(part, opened.info) as writer,
     ):
         task = progress.add_task(

@@ -5,16 +5,7 @@ from __future__ import annotations
 import threading
 from pathlib import Path
 
-from rich.progress import (
-    BarColumn,
-    MofNCompleteColumn,
-    Progress,
-    TextColumn,
-    TimeElapsedColumn,
-    TimeRemainingColumn,
-)
-
-from puppet.commands.files import check_fresh, err, warn
+from puppet.commands.files import check_fresh, err, recording_progress, warn
 from puppet.commands.signals import stop_event
 from puppet.errors import BadShowError
 from puppet.tracking.cameras.camera import Camera
@@ -36,15 +27,7 @@ def record_raw(path: Path, source: str, seconds: float | None, overwrite: bool) 
     last: int | None = None
     try:
         with (
-            Progress(
-                TextColumn("{task.description}"),
-                BarColumn(),
-                MofNCompleteColumn(),
-                TextColumn("{task.fields[size]}"),
-                TimeElapsedColumn(),
-                TimeRemainingColumn(),
-                console=err,
-            ) as progress,
+            recording_progress("size") as progress,
             RawWriter(part, camera.info) as writer,
         ):
             task = progress.add_task(
